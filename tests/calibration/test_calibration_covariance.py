@@ -1,5 +1,8 @@
 """How exactly a camera's parameters are known travels with the camera, and every estimate counts it."""
 
+import json
+import re
+
 import numpy as np
 import pytest
 from board_views import draw_views
@@ -98,3 +101,24 @@ def test_the_camera_is_shown_with_what_its_parameters_are_known_to(tmp_path):
     assert "known to (1 σ)" in shown.output
     assert "fx ± " in shown.output
     assert omniservo.load_camera(tmp_path / "camera.json").calibration_covariance is not None
+
+
+@pytest.mark.parametrize(
+    ("format_name", "words", "kept"),
+    [("kalibr", "fx ± .*written with it", True), ("ocamcalib", "left out, since .* Ocam", False)],
+)
+def test_a_conversion_says_what_becomes_of_the_covariance(tmp_path, format_name, words, kept):
+    save_camera(KNOWN, tmp_path / "camera.json")
+    call = [
+        "camera",
+        "convert",
+        str(tmp_path / "camera.json"),
+        str(tmp_path / "out.yaml"),
+        "--to",
+        format_name,
+    ]
+    said = CliRunner().invoke(app, [*call, "--largest-px", "5"])
+    assert said.exit_code == 0, said.output
+    assert re.search(f"calibration_covariance: .*{words}", said.output)
+    said = CliRunner().invoke(app, [*call, "--largest-px", "5", "--force", "--json"])
+    assert json.loads(said.output)["calibration_covariance"] is kept

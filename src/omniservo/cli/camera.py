@@ -185,7 +185,9 @@ def convert(
         output.line(f"model error: {found.model_error}, written with it; estimates count it")
     if found.deviation_px:
         output.line(f"deviation_px: {found.deviation_px:.3g}, written with it; plans keep it as a margin")
-    numbers = {**_numbers(residual), "deviation_px": found.deviation_px}
+    numbers: dict[str, float] = {**_numbers(residual), "deviation_px": found.deviation_px}
+    if known := given.to_dict().get("calibration_covariance"):
+        numbers |= _said_of_parameters(known, found, output)
     output.result({"out": str(out), "to": to, "model": written, **numbers, **added}, "camera-convert")
 
 
@@ -212,6 +214,23 @@ def _said_of(cover: MaskCover, output: Output) -> dict[str, Any]:
         "mask_lost_pixels": cover.lost_pixels,
         "mask_overhang_px": cover.overhang_px,
     }
+
+
+def _said_of_parameters(known: Any, found: CentralModel, output: Output) -> dict[str, bool]:
+    """Say what becomes of the covariance of a camera's parameters."""
+    from omniservo.cameras.calibration_covariance import sigmas_in_words
+
+    kept = found.to_dict().get("calibration_covariance") is not None
+    if kept:
+        output.line(
+            f"calibration_covariance: {sigmas_in_words(known)} (1 σ), written with it; estimates count it"
+        )
+    else:
+        output.line(
+            f"calibration_covariance: left out, since it is that of the unified model's parameters, which a"
+            f" {type(found).__name__} does not have; estimates with this file count its model error alone"
+        )
+    return {"calibration_covariance": kept}
 
 
 def _spelled_field(value: object) -> str:

@@ -28,8 +28,8 @@ from omniservo.estimation.status.pose_evidence import (
     variance_of,
 )
 from omniservo.estimation.two_view_estimate import Status, TwoViewEstimate
+from omniservo.estimation.uncertainty.camera_moves import CameraMoves
 from omniservo.estimation.uncertainty.joint_uncertainty import JointUncertainty
-from omniservo.estimation.uncertainty.pose_response import shared_moves
 from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array, finite_number, owned
 
 PICTURES = ("initial", "goal")
@@ -216,13 +216,13 @@ def _with_pose(
         inliers[view.rows] &= view.fit.members
         residuals[view.rows, 2 * place : 2 * place + 2] = pose_residuals(view.known, view.fit.minima[0])
     response = _responses(initial, motion, points[inliers])
-    moves = _camera_moves(camera, spreads)
+    off, parameters = _camera_moves(camera, spreads)
     law = JointUncertainty(
         noise=_halves(spreads) @ response.T,
         own=np.zeros((int(inliers.sum()), 3, 3)),
         freedom=float(freedom) if stated is None and freedom > 2 else math.inf,
-        calibration=moves @ response.T,
-        camera=np.empty((len(moves), 0)),
+        calibration=-off @ response.T,
+        camera=parameters,
     )
     covariance, spread_of_points = law.covariances()
     gauge = np.concatenate((motion.translation, np.zeros(3)))
@@ -250,16 +250,20 @@ def _with_pose(
     )
 
 
-def _camera_moves(camera: UnifiedCamera, spreads: list[PoseSpread]) -> FloatArray:
-    """Return what independent errors of the camera, one for both images, do to the two poses (f, 12)."""
-    responses = [spread.response for spread in spreads]
-    if camera.model_error is None or responses[0] is None or responses[1] is None:
-        return np.empty((0, 12))
-    first, second = responses[0], responses[1]
-    both = np.zeros((len(first) + len(second), 12, 2))
-    both[: len(first), :6], both[len(first) :, 6:] = first, second
-    pixels = np.concatenate([spread.pixels for spread in spreads])
-    return shared_moves(camera.model_error, pixels, both)
+def _camera_moves(camera: UnifiedCamera, spreads: list[PoseSpread]) -> tuple[FloatArray, FloatArray]:
+    """Return by what independent errors of the camera, one for both images, put the two poses off (f, 12).
+
+    And which errors of its parameters (f, p) those are.
+    """
+    first, second = spreads[0].by_camera, spreads[1].by_camera
+    if first is None or second is None:
+        return np.empty((0, 12)), np.empty((0, 5))
+    split = len(first.seen)
+    both = np.zeros((split + len(second.seen), 12, 2))
+    both[:split, :6], both[split:, 6:] = first.response, second.response
+    seen = np.concatenate((first.seen, second.seen))
+    moves = CameraMoves.of(camera, seen, np.concatenate((first.pixels, second.pixels)))
+    return moves.through(both), moves.parameters
 
 
 def _halves(spreads: list[PoseSpread]) -> FloatArray:

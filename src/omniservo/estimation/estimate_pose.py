@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -23,13 +23,8 @@ from omniservo.estimation.refinement.pose_refinement import inverse_information
 from omniservo.estimation.robust.pose_fit import LEAST_POINTS, KnownPixels, PoseFit, fit_pose
 from omniservo.estimation.robust.pose_search import write_pose_residuals
 from omniservo.estimation.status.pose_evidence import FAR_ROTATION, judge_pose, rotation_between
-from omniservo.estimation.uncertainty.pose_response import (
-    contradicted,
-    own_spread,
-    own_variances,
-    pose_response,
-    shared_moves,
-)
+from omniservo.estimation.uncertainty.camera_moves import CameraMoves, camera_variance, is_exact
+from omniservo.estimation.uncertainty.pose_response import noise_factor, own_spread, pose_response
 from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, owned
 
 
@@ -53,9 +48,9 @@ def estimate_pose(
         pixels: (n, 2) [px], row j shows point j.
         robust: reject points that do not agree with the others (never of three), and those outside the
             camera's domain.
-        noise: σ of a pixel coordinate [px], one number or (n,), one for each point, the camera's
-            ``model_error`` aside, which counts beside it and alike in neighbours. None: every pixel is as
-            good as any other, and σ comes from the residuals.
+        noise: σ of a pixel coordinate [px], one number or (n,), one for each point. The camera's
+            ``model_error`` and ``calibration_covariance`` count beside it, alike in neighbours. None: every
+            pixel is as good as any other, and σ comes from the residuals.
 
     Raises:
         InputError: shapes, numbers that are not finite, illegal noise, most pixels outside the camera's
@@ -94,7 +89,7 @@ def _estimate_pose(camera: UnifiedCamera, known: KnownPixels, robust: bool) -> P
     if spread is None:
         words = "the points do not determine the pose"
         return _without_pose(n, "not_converged", words, poses, odds, started)
-    covariance = spread.own + spread.of_camera(camera)
+    covariance = spread.own + spread.of_camera
     residuals = pose_residuals(known, fit.minima[0])
     square = float((residuals[fit.members] ** 2).sum())
     return PoseEstimate(
@@ -132,8 +127,8 @@ def known_pixels(
             f" (at most {math.degrees(camera.usable_angle):.1f}° from the axis)"
         )
     sigmas, parameters = _checked_noise(noise, len(model)), image.camera.parameters
-    if sigmas is not None and camera.model_error is not None:
-        sigmas = np.hypot(sigmas, camera.model_error.sigma_px)
+    if sigmas is not None:
+        sigmas = np.sqrt(np.square(sigmas) + camera_variance(camera, bearings))
     carried = image.carried(seen)
     if sigmas is None or not len(sigmas):
         return KnownPixels(parameters, model, carried, bearings, np.ones(len(model)), None)
@@ -160,17 +155,28 @@ SAID = 1.05
 """times that noise is raised, before that is said"""
 
 
+class PixelResponse(NamedTuple):
+    """How a pose answers the errors of its camera."""
+
+    seen: FloatArray
+    """(n, 1, 3) [m] the points in the camera"""
+    pixels: FloatArray
+    """(n, 2) [px] of them"""
+    response: FloatArray
+    """G (n, 6, 2), see `pose_response`"""
+    moves: CameraMoves
+    """of the camera, in this image alone"""
+
+
 @dataclass(frozen=True, eq=False)
 class PoseSpread:
     """How uncertain a pose is."""
 
     own: FloatArray
     """(6, 6) by the points' own noise, and other near minima"""
-    pixels: FloatArray
-    """(n, 2) [px] of the points"""
-    response: FloatArray | None
-    """G (n, 6, 2), see `pose_response`; None: the camera is exact"""
-    raised: float
+    by_camera: PixelResponse | None = None
+    """what the camera's errors do; None: it is exact"""
+    raised: float = 1.0
     """by which factor the points' own stated σ was too small, as the residuals show"""
 
     @property
@@ -180,12 +186,13 @@ class PoseSpread:
             return ""
         return f"the residuals contradict the stated noise, which is taken {self.raised:.2g} times as large"
 
-    def of_camera(self, camera: UnifiedCamera) -> FloatArray:
-        """Return the covariance (6, 6) by the camera's model error."""
-        if self.response is None or camera.model_error is None:
+    @property
+    def of_camera(self) -> FloatArray:
+        """The covariance (6, 6) by the camera's errors."""
+        if self.by_camera is None:
             return np.zeros((6, 6))
-        moves = shared_moves(camera.model_error, self.pixels, self.response)
-        return moves.T @ moves
+        rows = self.by_camera.moves.through(self.by_camera.response)
+        return np.asarray(rows.T @ rows)
 
 
 def pose_spread(
@@ -196,7 +203,7 @@ def pose_spread(
     ``variance`` is that of a pixel coordinate of weight 1 [px²], ``odds`` are those of the first minima.
     """
     covariance = np.empty((6, 6))
-    best, error = fit.minima[0], camera.model_error
+    best, raised = fit.minima[0], 1.0
     weights = np.where(fit.members, known.weights, 0.0)
     cost = inverse_information(
         known.parameters, known.points, known.pixels, weights, best[:4], best[4:7], covariance
@@ -204,25 +211,29 @@ def pose_spread(
     if not cost < math.inf:
         return None
     covariance *= variance
-    response, raised = None, 1.0
-    if error is not None and error.sigma_px > 0.0:
+    by_camera = None
+    if not is_exact(camera):
         found = pose_response(camera, (known.points, known.weights), fit.members, pose_of(best))
         if found is None:
             return None
         response, slopes = found
-        total = math.sqrt(variance) / known.weights
-        own = own_variances(total, error, variance, known.noise_px)
+        seen = pose_of(best).inv().apply(known.points)[:, None]
+        moves = CameraMoves.of(camera, seen, known.pixels)
+        own, stated = variance / np.square(known.weights), known.noise_px is not None
         if known.noise_px is not None:
-            own *= contradicted(error, known.pixels, pose_residuals(known, best), slopes, own) ** 2
-            stated = np.square(known.noise_px / known.weights) - error.sigma_px**2
-            raised = float(np.median(np.sqrt(own / np.maximum(stated, LEAST_NOISE_PX**2))))
+            own = np.square(known.noise_px / known.weights) - camera_variance(camera, known.bearings)
+            own = np.maximum(own, LEAST_NOISE_PX**2)
+        residuals = pose_residuals(known, best)
+        raised = noise_factor(moves.pixels, residuals, slopes, own, stated=stated)
+        own *= raised**2
         covariance = own_spread(response, own)
+        by_camera = PixelResponse(seen, known.pixels, response, moves)
     for rival, likely in zip(fit.minima[1:], odds[1:], strict=False):
         if rotation_between(best, rival) <= FAR_ROTATION:
             turn = Rotation.from_quat(best[:4]).inv() * Rotation.from_quat(rival[:4])
             gap = np.concatenate((rival[4:7] - best[4:7], turn.as_rotvec()))
             covariance += likely / odds.sum() * np.outer(gap, gap)
-    return PoseSpread(covariance, known.pixels, response, raised)
+    return PoseSpread(covariance, by_camera, raised)
 
 
 def pose_residuals(known: KnownPixels, minimum: FloatArray) -> FloatArray:

@@ -42,7 +42,7 @@ def controller_of(
         plan,
         task.camera,
         goal_pixels=matched.goal,
-        initial_pixels=matched.initial,
+        initial_pixels=None if task.scale.tags else matched.initial,  # a known target keeps its shape
         options=options,
         time_law=motion.law,
     )

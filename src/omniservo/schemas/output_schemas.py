@@ -255,7 +255,7 @@ _FIELDS: dict[str, tuple[dict[str, Schema], dict[str, Schema]]] = {
     "schema": ({"formats": several(_LISTED)}, {}),
     "warm-up": ({"compiled": COUNT, "seconds": NOT_NEGATIVE, "already": FLAG}, {}),
     "doctor": ({"well": FLAG, "checks": several(_MACHINE)}, {}),
-    "camera-convert": (_CONVERTED, _MASKED),
+    "camera-convert": (_CONVERTED, {**_MASKED, "calibration_covariance": FLAG}),
     "camera-calibrate": (_CALIBRATION, {}),
     "camera-rectify": ({"out": _OUT, "view": TEXT, "size": vector(2, COUNT), "seen": SHARE}, {}),
     "camera-check": (_CAMERA_CHECK, {}),

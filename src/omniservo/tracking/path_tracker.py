@@ -11,6 +11,7 @@ from omniservo.cameras import UnifiedCamera
 from omniservo.cameras.conversion import unified_image
 from omniservo.cameras.models import CentralModel
 from omniservo.errors import Divergence, FeatureLoss, InputError, SingularInteraction
+from omniservo.estimation.uncertainty.camera_moves import camera_variance
 from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array, finite_number
 from omniservo.planning import CameraPath, Plan
 from omniservo.servoing import MeasuredPose, RestToRestLaw, TimeLaw, feature_named
@@ -48,7 +49,8 @@ class PathTracker:
         camera: the camera that takes the images, of any model; pixels are those of its own images.
         goal_pixels: (n, 2) [px], the points in the goal image; None: where the plan's end sees them.
         initial_pixels: (n, 2) [px], the points in the initial image; with them and goal pixels the points
-            are refined on the way, as `StructureRefinement` says.
+            are refined on the way, as `StructureRefinement` says. None: the points of a target whose shape
+            is known keep it.
         options: see TrackerOptions.
         time_law: w(t); None: rest to rest in 4 s.
 
@@ -93,7 +95,7 @@ class PathTracker:
         wanted = None if goal_pixels is None else self._carried("goal_pixels", goal_pixels)
         self._goal = GoalImage.of(self._camera, self._feature, plan.path, self._points, wanted)
         self._goal_blend = GoalBlend(self._goal.offsets)
-        self._settings = _settings(self.options, self._camera)
+        self._settings = _settings(self.options, self._camera, self._goal.pixels)
         self._estimated_pose, self._pose_covariance = np.empty(7), np.empty((6, 6))
         self._where: MeasuredPose | None = None
         self._stop = StopCriterion(self._goal.pose, self.options)
@@ -417,9 +419,10 @@ class PathTracker:
                 )
 
 
-def _settings(options: TrackerOptions, camera: UnifiedCamera) -> FloatArray:
+def _settings(options: TrackerOptions, camera: UnifiedCamera, pixels: FloatArray) -> FloatArray:
     """Return the options that the kernel reads; what the camera's own error explains is no wrong point."""
-    error_px = 0.0 if camera.model_error is None else camera.model_error.sigma_px
+    bearings, valid = camera.unproject(pixels)
+    error_px = math.sqrt(float(camera_variance(camera, bearings[valid]).max(initial=0.0)))
     settings = np.empty(6)
     settings[kernel.GAIN] = options.gain
     settings[kernel.LEAST_FEATURES] = options.least_features

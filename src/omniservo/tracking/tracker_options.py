@@ -25,7 +25,7 @@ class TrackerOptions:
     divergence_px: float = 25.0
     """A larger rms distance of the points to their reference stops the servo [px]."""
     gate_px: float = 2.0
-    """A point farther than this [px], than 3.5 σ of all and than 3.5 σ of the camera's ``model_error`` from
+    """A point farther than this [px], than 3.5 σ of all and than 3.5 σ of the camera's stated error from
     where the pose of the others puts it is taken for another thing that looks alike, and not used."""
     tolerance_px: float = 0.1
     """Done needs: rms distance to the goal image at most this [px],"""

@@ -82,8 +82,8 @@ class Calibration:
     parameter_names: tuple[str, ...]
     """of the covariance: fx, fy, cx, cy, xi, and k1, k2, p1, p2 where distortion is used"""
     covariance: FloatArray
-    """(p, p) of those parameters, first order: independent normal noise of corners, and what
-    ``camera.model_error`` does to them"""
+    """(p, p) of those parameters, first order: independent normal noise of corners, and what an error of the
+    model, alike over regions, does to them; never less than what leaving out single views shows"""
     identifiable: dict[str, bool]
     """whether each parameter is known to 1% with 99% confidence (centre, distortion: of the image's scale)"""
     equivalent: tuple[Equivalent, ...]

@@ -25,6 +25,8 @@ from omniservo.calibration.adjustment.refine import State, linearise, residuals
 from omniservo.calibration.adjustment.selection import Selection
 from omniservo.calibration.adjustment.uncertainty import (
     fold_spread,
+    jackknife_covariance,
+    larger_covariance,
     pattern,
     pixel_bound,
     ray_deviation,
@@ -89,6 +91,8 @@ def conclude(
     likely = likely_error(views, state, left_out, keep, size)
     off = theta_covariance(normal, fit.free, 1.0) @ likely.pulls.T
     covariance = covariance + off @ off.T
+    if fit.held_out is not None:  # with fewer views leaving one out leaves no camera
+        covariance = larger_covariance(covariance, jackknife_covariance(normal, fit.free), fit.free)
     limit, deviation, turned_px = _reach(selection, fit, size, covariance, largest)
     names = tuple(name for name, free in zip(NAMES, fit.free, strict=True) if free)
     J = physical_jacobian(state.theta)[np.ix_(fit.free, fit.free)]

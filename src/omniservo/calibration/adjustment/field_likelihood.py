@@ -5,8 +5,8 @@ y only what its pose (6 numbers) cannot absorb counts: with Q onto the complemen
 
     Qy ~ N(0, Q(τ² I + σ² K_ℓ)Qᵀ),     K_ℓ(u, u') = exp(−‖u − u'‖²/(2ℓ²)),
 
-K_ℓ common to all views. τ, σ maximise that likelihood for each ℓ of `LENGTHS`; the best ℓ is taken. The field
-is written in a basis of one function a grid point ℓ apart, so that views may be many.
+K_ℓ common to all views. τ, σ maximise that likelihood for each ℓ of `LENGTHS`; the best ℓ is stated. The
+field is written in a basis of one function a grid point ℓ apart, so that views may be many.
 """
 
 from __future__ import annotations
@@ -30,13 +30,20 @@ class LikelyError(NamedTuple):
 
     error: ModelError
     pulls: FloatArray
-    """(f, 9) what each independent error of the field, one σ, adds to ∂cost/∂θ, the poses being free: with S
-    their information, θ is off by S⁻¹pull"""
+    """(f, 9) what each independent error of a field, one σ, adds to ∂cost/∂θ, the poses being free: with S
+    their information, θ is off by S⁻¹pull. Of the longest ℓ that is as likely as the best (95%): it moves
+    the camera most, and residuals show it least"""
 
 
 LENGTHS = (1 / 20, 1 / 14, 1 / 10, 1 / 7, 1 / 5)
 """ℓ over the image's longer side. Shorter is noise of corners; of longer ones pose and camera absorb nearly
 all, and residuals say nothing of them."""
+
+LONGER = (1 / 3.5,)
+"""not stated, but what it does to the camera counts where the residuals allow it"""
+
+_UNDECIDED = 1.92
+"""of ln(likelihood): lengths within that are as likely (95%)"""
 
 _SPACING = 0.9
 """of the grid, in ℓ"""
@@ -59,7 +66,7 @@ def likely_error(
     _, by_theta, by_point, _ = project_jacobian(state.theta, turned + state.translations[views.row_view])
     by_pose = np.concatenate([np.cross(turned[:, None, :], by_point), by_point], axis=2)
     found = []
-    for part in LENGTHS:
+    for part in (*LENGTHS, *LONGER):
         length = part * max(size)
         grid, half = _basis(views.pixels[keep], length)
         m = half.shape[1]
@@ -81,8 +88,10 @@ def likely_error(
             square += float(error @ error)
             count += len(error) - pose.shape[1]
         found.append((*_most_likely(information, pull, square, max(count, 1)), length, pulls))
-    _, sigma, length, pulls = min(found, key=lambda entry: entry[0])
-    return LikelyError(ModelError(sigma, length), sigma * pulls)
+    _, sigma, length, _ = min(found[: len(LENGTHS)], key=lambda entry: entry[0])
+    least = min(cost for cost, *_ in found)
+    longest = [entry for entry in found if entry[0] <= least + _UNDECIDED][-1]
+    return LikelyError(ModelError(sigma, length), longest[1] * longest[3])
 
 
 def _basis(pixels: FloatArray, length: float) -> tuple[FloatArray, FloatArray]:

@@ -84,9 +84,16 @@ class Normal:
 
     def information(self) -> FloatArray:
         """Return S (9, 9): what the corners say about θ, the poses being free."""
+        return np.asarray(self.of_views()[0].sum(axis=0))
+
+    def of_views(self) -> tuple[FloatArray, FloatArray]:
+        """Return each view's part (V, 9, 9) of S, and of ∂cost/∂θ (V, 9), which add up to 0 at a minimum."""
         W, V = self.blocks[:, THETA, POSE], self.blocks[:, POSE, POSE]
-        solved = np.linalg.solve(V, np.swapaxes(W, 1, 2))
-        return np.asarray((self.blocks[:, THETA, THETA] - W @ solved).sum(0))
+        followed = W @ np.linalg.inv(V)
+        pulls = self.blocks[:, THETA, RESIDUAL] - np.einsum(
+            "vij,vj->vi", followed, self.blocks[:, POSE, RESIDUAL]
+        )
+        return self.blocks[:, THETA, THETA] - followed @ np.swapaxes(W, 1, 2), pulls
 
 
 def residuals(views: Views, state: State) -> FloatArray:

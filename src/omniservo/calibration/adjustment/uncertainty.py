@@ -16,6 +16,9 @@ from omniservo.geometry.arrays import BoolArray, FloatArray
 
 CONFIDENCE = 0.95
 _DRAWS = 2000
+_FLAT = 1e-12
+"""of the largest eigenvalue: parts below are rounding"""
+
 _BINS = 12
 _SURE = 3.0
 """a mean residual this many standard errors from 0 is a pattern, not noise"""
@@ -33,6 +36,37 @@ def theta_covariance(normal: Normal, free: BoolArray, variance: float) -> FloatA
     half = d[:, None] * vectors / np.sqrt(np.maximum(values, 1e-14 * values[-1]))
     result = np.zeros((9, 9))
     result[np.ix_(free, free)] = variance * half @ half.T
+    return result
+
+
+def jackknife_covariance(normal: Normal, free: BoolArray) -> FloatArray:
+    """Return (V − 1)/V Σ dᵢdᵢᵀ (9, 9), dᵢ the first-order step of θ where view i is left out.
+
+    Views are independent, and corners of one view need not be: images blur, exposures move. (Cluster-robust,
+    CR3: MacKinnon & White, J. Econometrics 29, 1985.)
+    """
+    parts, pulls = normal.of_views()
+    without = (parts.sum(axis=0) - parts)[:, free][:, :, free]
+    unit = 1.0 / np.sqrt(np.maximum(np.einsum("vii->vi", without), 1e-300))
+    values, vectors = np.linalg.eigh(without * unit[:, :, None] * unit[:, None, :])
+    along = np.einsum("vij,vi->vj", vectors, unit * pulls[:, free])
+    along /= np.maximum(values, 1e-14 * values[:, -1:])
+    result, steps = np.zeros((9, 9)), unit * np.einsum("vij,vj->vi", vectors, along)
+    result[np.ix_(free, free)] = (len(parts) - 1.0) / len(parts) * steps.T @ steps
+    return result
+
+
+def larger_covariance(one: FloatArray, other: FloatArray, free: BoolArray) -> FloatArray:
+    """Return ``one`` (9, 9), made as large as ``other`` along the common axes where that is larger."""
+    chosen = np.ix_(free, free)
+    scale = np.sqrt(np.maximum(np.diag(one)[free], 1e-300))
+    both = np.outer(scale, scale)
+    values, vectors = np.linalg.eigh(one[chosen] / both)
+    root = np.sqrt(np.maximum(values, _FLAT * values[-1]))
+    ratios, axes = np.linalg.eigh((vectors / root).T @ (other[chosen] / both) @ (vectors / root))
+    half = vectors * root @ axes
+    result = np.zeros((9, 9))
+    result[chosen] = (half * np.maximum(ratios, 1.0)) @ half.T * both
     return result
 
 

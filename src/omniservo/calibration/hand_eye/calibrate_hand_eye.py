@@ -81,7 +81,8 @@ def calibrate_hand_eye(
 
     is minimised over both poses and all Δ = (d_t, d_r), ρ being Cauchy's loss. The sizes σ_t, σ_r of the
     robot's errors come from the views (`robot_noise`), and so does the covariance: views, not corners, are
-    independent. Views that no such error explains are left out, with the reason.
+    independent, and what the camera states of its own error is the same in all of them. Views that no such
+    error explains are left out, with the reason.
 
     Args:
         camera: took the images.
@@ -166,8 +167,8 @@ def _adjusted(
         solution = solve_loop(linear)
         state = state.stepped(solution.step, solution.offsets)
         if np.abs(solution.step / np.sqrt(np.diag(solution.covariance))).max() < _ENOUGH:
-            sized = solve_loop(linear.with_scale())
-            fit = _Fit(views, state, solution, noise_px, sized)
+            linear = linear.with_camera(camera, seen, state)
+            fit = _Fit(views, state, solve_loop(linear), noise_px, solve_loop(linear.with_scale()))
             return judge_fit(solution.sigmas, fit.covariance) or fit
     return Refusal("not_converged", f"no minimum was found in {_STEPS} steps")
 

@@ -15,6 +15,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.cameras.models import CentralModel
+from omniservo.estimation.uncertainty.camera_moves import CameraMoves
 from omniservo.geometry.arrays import FloatArray, IntArray
 
 _CAUCHY = 3.0
@@ -86,10 +87,21 @@ class LinearLoop:
     """(n, 6, 6)"""
     by_scale: FloatArray
     """(n, 6) the column of M that the logarithm of the board's size would have"""
+    by_pixel: FloatArray
+    """(N, 6, 2) what a displaced corner does to its view's q [1/px]"""
+    by_camera: FloatArray
+    """(f, n, 6) what independent errors of the camera do to q, the same in all views; f = 0: it is exact"""
 
     def with_scale(self) -> LinearLoop:
         """Return the same with the board's size, in place `BOARD_SIZE`, as a 13th unknown."""
         return replace(self, M=np.concatenate([self.M, self.by_scale[:, :, None]], axis=2))
+
+    def with_camera(self, camera: CentralModel, views: SeenViews, state: LoopState) -> LinearLoop:
+        """Return the same with the errors that the camera states of itself."""
+        points = views.rows(state.camera_T_board(views.base_T_flange))
+        moves = CameraMoves.of(camera, points[:, None], views.pixels).pixels
+        each = np.einsum("nic,fnc->nfi", self.by_pixel, moves, optimize=True)
+        return replace(self, by_camera=np.swapaxes(views.sums(each), 0, 1))
 
 
 def linearise(camera: CentralModel, views: SeenViews, state: LoopState, sigma_px: float) -> LinearLoop | None:
@@ -110,12 +122,15 @@ def linearise(camera: CentralModel, views: SeenViews, state: LoopState, sigma_px
     best = -spread @ views.sums(weighted @ errors[:, :, None])
     by_X, by_Z, by_offset = _twists(state, camera_T_board)
     back = np.linalg.inv(by_offset)
+    by_pixel = np.repeat(back @ spread, np.diff(views.ends), axis=0) @ weighted / sigma_px
     return LinearLoop(
         q=state.offsets + (back @ best)[:, :, 0],
         M=back @ np.concatenate([by_X, by_Z], axis=2),
         C=back @ spread @ np.swapaxes(back, 1, 2),
         # seen at the same pixels, a larger board is further away; the loop knows how far it is
         by_scale=(back[:, :, :3] @ -camera_T_board.translation[:, :, None])[:, :, 0],
+        by_pixel=by_pixel,
+        by_camera=np.empty((0, len(state.offsets), 6)),
     )
 
 

@@ -8,12 +8,13 @@ what θ has absorbed, is
     L(σ_t, σ_r) ∝ Π|V|^(−½) · |Σ MᵀV⁻¹M|^(−½) · exp(−½ Σ rᵀV⁻¹r),   r = q − M θ,
 
 (Patterson & Thompson, Biometrika 58, 1971). θ and its covariance are mean and covariance over L, flat in σ_t²
-and σ_r²: few views say little about the two, and an estimate "0" would claim more than is known.
+and σ_r²: few views say little about the two, and an estimate "0" would claim more than is known. What the
+camera is off by, the same in all views, no number of them reduces: it comes on top.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -46,12 +47,30 @@ class LoopSolution:
 
 
 def solve_loop(linear: LinearLoop) -> LoopSolution:
-    """Return mean and covariance of the step over all (σ_t, σ_r) that the views allow."""
+    """Return mean and covariance of the step over all (σ_t, σ_r) that the views allow.
+
+    Errors of the camera make views disagree, too: by S − M (what θ absorbs of S), S = δq. As if independent,
+    that is added to C where σ_t and σ_r are found; θ's own covariance is that of Δ and ε, and of S itself.
+    """
+    found = _over_robot(linear, np.zeros_like(linear.C))
+    if not len(linear.by_camera):
+        return found
+    V = linear.C + np.diag(np.repeat(np.square(found.sigmas), 3))
+    left = linear.by_camera - np.einsum("nij,fj->fni", linear.M, _by_camera(linear, V))
+    disagreement = np.einsum("fni,fnj->nij", left, left)
+    found = _over_robot(linear, disagreement)
+    V = linear.C + disagreement + np.diag(np.repeat(np.square(found.sigmas), 3))
+    shared = _by_camera(linear, V)
+    return replace(found, covariance=found.covariance + shared.T @ shared)
+
+
+def _over_robot(linear: LinearLoop, disagreement: FloatArray) -> LoopSolution:
+    """Return it without what the camera does to θ, with what it adds (n, 6, 6) to the views' disagreement."""
     ranges = np.log(_RANGE)
     for _ in range(_ZOOMS):
         axes = [np.linspace(low, high, _NODES) for low, high in ranges]
         logs = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
-        steps, covariances, likelihoods = _given(linear, np.exp(logs))
+        steps, covariances, likelihoods = _given(linear, disagreement, np.exp(logs))
         posterior = likelihoods + 2.0 * logs.sum(axis=1)  # the grid is even in ln σ: dσ² = 2σ² d(ln σ)
         weights = np.exp(posterior - posterior.max())
         ranges = np.array([_narrowed(axis, w) for axis, w in zip(axes, _margins(weights), strict=True)])
@@ -61,28 +80,48 @@ def solve_loop(linear: LinearLoop) -> LoopSolution:
     covariance += np.einsum("g,gi,gj->ij", weights, steps - step, steps - step)
     variances = weights @ np.exp(2.0 * logs)
     left = linear.q - linear.M @ step
-    V = linear.C + np.diag(np.repeat(variances, 3))
+    V = linear.C + disagreement + np.diag(np.repeat(variances, 3))
     offsets = np.linalg.solve(V, left[:, :, None])[:, :, 0] * np.repeat(variances, 3)
     sigmas = np.sqrt(variances)
     return LoopSolution(step, covariance, (float(sigmas[0]), float(sigmas[1])), offsets)
 
 
-def _given(linear: LinearLoop, sigmas: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _by_camera(linear: LinearLoop, V: FloatArray) -> FloatArray:
+    """Return what each error of the camera (f, m) does to θ: (Σ MᵀV⁻¹M)⁻¹ Σ MᵀV⁻¹ S."""
+    weighted = np.swapaxes(np.linalg.solve(V, linear.M), 1, 2)
+    inverse = _inverted((weighted @ linear.M).sum(axis=0))
+    return np.asarray(np.einsum("nmi,fni->fm", weighted, linear.by_camera) @ inverse)
+
+
+def _given(
+    linear: LinearLoop, disagreement: FloatArray, sigmas: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return θ (g, m), its covariance (g, m, m) and ln L (g,) for each of (σ_t, σ_r) (g, 2)."""
-    V = linear.C + np.repeat(sigmas**2, 3, axis=1)[:, None, :, None] * np.eye(6)
+    robot = np.repeat(sigmas**2, 3, axis=1)[:, None, :, None] * np.eye(6)
+    V = linear.C + disagreement + robot
     rows = np.concatenate([linear.M, linear.q[:, :, None]], axis=2)
-    weighted = (np.linalg.inv(V) @ rows).reshape(len(V), -1, rows.shape[2])
-    products = rows.reshape(-1, rows.shape[2]).T @ weighted
+    weighted = np.linalg.inv(V) @ rows
+    count = rows.shape[2]
+    products = rows.reshape(-1, count).T @ weighted.reshape(len(V), -1, count)
     normal, right = products[:, :-1, :-1], products[:, :-1, -1]
-    # the board's size: known within a factor e, so that it stays finite where the views do not show it
-    normal[:, BOARD_SIZE:, BOARD_SIZE:] += 1.0
-    scale = 1.0 / np.sqrt(np.einsum("gii->gi", normal))
-    unit = np.linalg.inv(normal * scale[:, :, None] * scale[:, None, :])
-    covariances = unit * scale[:, :, None] * scale[:, None, :]
+    covariances = _inverted(normal)
     steps = np.einsum("gij,gj->gi", covariances, right)
     squares = products[:, -1, -1] - np.einsum("gi,gi->g", right, steps)
     logdets = np.linalg.slogdet(V)[1].sum(axis=1) + np.linalg.slogdet(normal)[1]
+    if disagreement.any():
+        own = weighted[..., :-1]
+        shared = np.einsum("gnim,nij,gnjk->gmk", own, disagreement, own, optimize=True)
+        covariances = covariances - covariances @ shared @ covariances
     return steps, covariances, -0.5 * (logdets + squares)
+
+
+def _inverted(normal: FloatArray) -> FloatArray:
+    """Return the inverses of normal matrices (…, m, m), to which the prior of the board's size is added."""
+    # the board's size: known within a factor e, so that it stays finite where the views do not show it
+    normal[..., BOARD_SIZE:, BOARD_SIZE:] += 1.0
+    scale = 1.0 / np.sqrt(np.einsum("...ii->...i", normal))
+    both = scale[..., :, None] * scale[..., None, :]
+    return np.asarray(np.linalg.inv(normal * both) * both)
 
 
 def _margins(weights: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -32,7 +33,7 @@ from omniservo.estimation.status.degenerate_motion import (
     refine_linear_map,
 )
 from omniservo.estimation.status.evidence import is_one_answer
-from omniservo.geometry.arrays import BoolArray, FloatArray
+from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray
 
 MORE = MOTION_PARAMETERS
 CHANCE = 3e-3
@@ -82,9 +83,12 @@ def bent_to_plane(matches: Matches, fit: TwoViewFit, kind: int, error_px: float)
         return Bent(None, [])
     least = max(LEAST, math.ceil(LEAST_SHARE * matches.size))
     best, chance, sampled = None, CHANCE, sampled_distances(matches)
-    doubts = []
+    doubts, judged = [], set()
     for gate in GATES:
         for plane, cost in flat_groups(matches, sampled, gate * max(1.0, STATED * matches.noise_px), least):
+            if (key := plane.tobytes()) in judged:
+                continue
+            judged.add(key)
             rest = _rest(matches, fit, kind, ~plane)
             if rest is None or rest.members.sum() < LEAST_REST * matches.size:
                 continue
@@ -134,16 +138,28 @@ def flat_groups(
 
 
 def sampled_distances(matches: Matches) -> FloatArray:
-    """Return squared distances (s, n) [px²] of all matches to homographies of four; the same every time."""
-    random = np.random.default_rng(1)
-    samples = np.argpartition(random.random((SAMPLES, matches.size)), SAMPLE - 1)[:, :SAMPLE]
+    """Return squared distances (s, n) [px²] of all matches to homographies of four; the same every time.
+
+    With u = b ⊗ b* and v = b* ⊗ b*, b·G b* = g·u and ‖G b*‖² = (GᵀG)·v: two products of matrices.
+    """
+    samples = _samples(matches.size)
     initial, goal = matches.bearings[:, :3], matches.bearings[:, 3:]
     maps = _homographies(initial[samples], goal[samples])
-    there = goal @ maps.transpose(0, 2, 1)
-    length = np.sqrt(np.square(there).sum(axis=2))
-    along = (there * initial).sum(axis=2) / np.maximum(length, 1e-300)
-    square: FloatArray = 2.0 * (1.0 - along) / np.square(matches.jacobians[:, :6]).sum(axis=1)
+    both = (initial[:, :, None] * goal[:, None, :]).reshape(-1, 9)
+    own = (goal[:, :, None] * goal[:, None, :]).reshape(-1, 9)
+    along = maps.reshape(-1, 9) @ both.T
+    length = np.sqrt(np.maximum((maps.transpose(0, 2, 1) @ maps).reshape(-1, 9) @ own.T, 1e-300))
+    square: FloatArray = 2.0 * (1.0 - along / length) / np.square(matches.jacobians[:, :6]).sum(axis=1)
     return square
+
+
+@lru_cache(maxsize=32)
+def _samples(size: int) -> IntArray:
+    """Return which four of ``size`` matches make each homography (s, 4)."""
+    random = np.random.default_rng(1)
+    samples = np.argpartition(random.random((SAMPLES, size)), SAMPLE - 1)[:, :SAMPLE]
+    samples.setflags(write=False)
+    return samples
 
 
 def _homographies(initial: FloatArray, goal: FloatArray) -> FloatArray:

@@ -51,7 +51,7 @@ def planar_law(
     own = to_ray @ inverse @ np.swapaxes(to_ray, 1, 2)
     calibration = np.empty((0, 6 + 3 * n))
     points = motion.points(rays)
-    moves, directions = lens.all_pixels(members, Solution(motion.rotation, motion.translation, points))
+    moves, directions = lens.all_moves(members, Solution(motion.rotation, motion.translation, points))
     if len(moves):
         moved = -moves * np.repeat(members.weights, 2, axis=1)
         gradient = np.einsum("nji,qni->qj", pulls, moved)

@@ -14,7 +14,8 @@ from omniservo.cameras.conversion import UnifiedImage
 from omniservo.estimation.matches import Matches
 from omniservo.estimation.minimal_solvers.essential_matrix import linear_structure
 from omniservo.estimation.robust.members import PRIOR_NOISE_PX
-from omniservo.estimation.uncertainty.calibration_response import calibration_directions, pixel_slopes
+from omniservo.estimation.uncertainty.calibration_response import calibration_directions
+from omniservo.estimation.uncertainty.camera_moves import CameraMoves
 from omniservo.estimation.uncertainty.first_order import LinearResponse
 from omniservo.estimation.uncertainty.joint_uncertainty import JointUncertainty
 from omniservo.estimation.uncertainty.likelihood_region import motion_offsets
@@ -123,21 +124,11 @@ class Lens(NamedTuple):
             return np.empty((0, members.size, 4))
         return self.factor * self.error.moves(members.pixels)
 
-    def all_pixels(self, members: Matches, solution: Solution) -> tuple[FloatArray, FloatArray]:
-        """Return what parameters and model error do to pixels (q, n, 4) [px], and the parameters (q, p)."""
-        directions, moves = self.directions, self.moves(members)
-        if len(directions):
-            moves = np.concatenate((self.pixels(solution), moves))
-        still = np.zeros((len(moves) - len(directions), directions.shape[1]))
-        return moves, np.concatenate((directions, still))
-
-    def pixels(self, solution: Solution) -> FloatArray:
-        """Return by how much the pixels of both images differ (q, n, 4) [px] for each direction."""
+    def all_moves(self, members: Matches, solution: Solution) -> CameraMoves:
+        """Return what errors of parameters and model do to the pixels (n, 4) of both images."""
         rotation, translation, points = solution
         seen = np.stack((points, (points - translation) @ rotation), axis=1)
-        slopes = pixel_slopes(self.camera, seen, self.directions.shape[1])
-        moves = np.einsum("jvcp,qp->qjvc", slopes, self.directions)
-        return np.asarray(moves.reshape(len(self.directions), len(points), 4))
+        return CameraMoves.of(self.camera, seen, members.pixels, self.directions, self.factor)
 
 
 class Solution(NamedTuple):
@@ -193,7 +184,7 @@ def two_view_uncertainty(
         noisy = np.concatenate((noisy, stretched))
         sigma = math.sqrt(together.variance) / members.weights if len(stretched) else None
     weights = np.repeat(members.weights, 2, axis=1)
-    moves, directions = lens.all_pixels(members, solution)
+    moves, directions = lens.all_moves(members, solution)
     calibration = np.array([response.answer(-weights * m) for m in moves]).reshape(-1, rows.shape[1])
     own = noise.variance * metres**2 * own
     spread = together.variance * response.unscaled
