@@ -62,6 +62,19 @@ def test_the_margin_of_the_polygon_is_a_lower_bound_and_not_loose():
     assert truth - 3.0 <= stated <= truth
 
 
+def test_paths_of_one_camera_share_its_polygons(monkeypatch):
+    """Each takes longer than all else, and a margin that is not rounded has one of its own."""
+    made, limits, path = [], UnifiedCamera.image_limits, plan_path(problem()).path
+    distorted_margins._limits_at.cache_clear()
+    monkeypatch.setattr(UnifiedCamera, "image_limits", lambda self, m=0.0: made.append(m) or limits(self, m))
+    counts = []
+    for aside in np.linspace(0.0, 0.002, 6):
+        made.clear()
+        certify(problem(points=POINTS + np.array([aside, 0.0, 0.0])), path)
+        counts.append(len(made))
+    assert sum(counts[1:]) < 3 * counts[0], counts
+
+
 def test_a_dead_zone_under_distortion_is_certified():
     ring = POINTS + np.array([0.0, 0.28, 0.0])
     asked = problem(camera=camera(dead_zone=((325.0, 245.0), 40.0)), points=ring)

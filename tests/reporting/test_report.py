@@ -20,6 +20,7 @@ from omniservo.reporting.views import outside
 from omniservo.reporting.write_figures import drawings
 from omniservo.results.run_log import RunLog
 from omniservo.risk import RiskPlan, UncertainMargin
+from omniservo.risk.risk_plan import RiskReasons
 
 VOID = {"meta", "img"}
 BESIDE = ("image.png", "image.svg", "arm-gap.png", "arm-gap.svg", "metrics.json", "log.csv", "notes.txt")
@@ -291,9 +292,8 @@ def test_what_uncertainty_takes_stands_in_the_report(stopped_run, one_figure, tm
         2000,
         0.003,
         0.5,
-        {"clearance obstacle 0": margin},
-        "most of it scale",
         1.0,
+        lambda: RiskReasons({"clearance obstacle 0": margin}, "most of it scale"),
     )
     write_report(tmp_path, [replace(stopped_run, risk=found)])
     words = " ".join(read(tmp_path)[1].words)

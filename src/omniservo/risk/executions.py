@@ -14,6 +14,7 @@ from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray
 from omniservo.planning.camera_path import CameraPath
 from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.planning.problem_arrays import constraint_table_of
+from omniservo.risk.checked_places import CheckedPlaces
 from omniservo.risk.executed_margins import Drawn, executed_margins
 from omniservo.risk.servo_response import ServoResponse, servo_response
 
@@ -36,7 +37,7 @@ class Executions:
     points: FloatArray
     """(K, n, 3) [m]"""
     camera: FloatArray
-    """(K, p) parameters' deviations"""
+    """(K, p) parameters' deviations; p = 0 where the camera is exact"""
 
     @classmethod
     def of(
@@ -50,7 +51,8 @@ class Executions:
         if problem.camera.is_distorted and problem.camera.mask:
             raise InputError("camera: distortion and a mask together; plans with risk take one of them")
         points = samples.points if rows is None else samples.points[:, rows]
-        return cls(problem, np.ascontiguousarray(points), samples.camera.copy())
+        deviations = samples.camera if samples.camera.any() else samples.camera[:, :0]
+        return cls(problem, np.ascontiguousarray(points), deviations.copy())
 
     @property
     def constraints(self) -> tuple[str, ...]:
@@ -65,13 +67,31 @@ class Executions:
         """Return the smallest margin (K, d) of each sample and constraint along the executed path [m], [px].
 
         ``critical`` are more places w to look at. The domain's angle counts in px, by the focal length. A
-        constraint is checked only where it is nearly as tight as anywhere: see `_worth_looking`.
+        constraint is checked only where it is nearly as tight as anywhere.
         """
+        return self.margins_at(self.places(path, critical))
+
+    def margins_at(self, places: CheckedPlaces) -> FloatArray:
+        """Return the same at places that samples of the same law have shown."""
+        active = places.nearly_tightest
+        return self._grouped(self._run(places.response, active, self.points, self.camera, 1)[:, 0])
+
+    def violated_at(self, places: CheckedPlaces) -> BoolArray:
+        """Return which samples (K,) leave a constraint unmet: sooner known than all margins."""
+        found = self._run(places.response, places.in_danger, self.points, self.camera, 1)
+        return np.asarray((self._grouped(found[:, 0]) < 0.0).any(axis=1))
+
+    def places(self, path: CameraPath, critical: FloatArray) -> CheckedPlaces:
+        """Return even and ``critical`` places w of a path, and what a few of these samples take there."""
         response = self._response(
             path, np.unique(np.concatenate((np.linspace(0.0, 1.0, EVEN_PLACES), critical)))
         )
-        found = self._run(response, self._worth_looking(response), self.points, self.camera, 1)
-        return self._grouped(found[:, 0])
+        depth, planned = len(response.places), self._planned_at(response)
+        everything = np.ones(planned.shape, dtype=np.bool_)
+        pilot = self._run(response, everything, self.points[:PILOTS], self.camera[:PILOTS], depth)
+        with np.errstate(invalid="ignore"):
+            taken = np.where(np.isfinite(planned), planned - pilot.min(axis=0), 0.0)
+        return CheckedPlaces(response, planned, taken)
 
     def planned(self, path: CameraPath, places: FloatArray) -> FloatArray:
         """Return the smallest margin (d,) of each constraint at ``places``, the points being as estimated."""
@@ -81,19 +101,6 @@ class Executions:
     def _response(self, path: CameraPath, places: FloatArray) -> ServoResponse:
         parameters = self.camera.shape[1]
         return servo_response(self.problem.camera, self.problem.points, path, places, parameters)
-
-    def _worth_looking(self, response: ServoResponse) -> BoolArray:
-        """Return which constraints (W, e + 2) to look at where, from a few samples.
-
-        Left out are places where a constraint is planned to leave more than at its tightest place by over
-        twice what any of these samples takes of it anywhere.
-        """
-        depth, planned = len(response.places), self._planned_at(response)
-        everything = np.ones(planned.shape, dtype=np.bool_)
-        pilot = self._run(response, everything, self.points[:PILOTS], self.camera[:PILOTS], depth)
-        with np.errstate(invalid="ignore"):
-            taken = np.where(np.isfinite(planned), planned - pilot.min(axis=0), 0.0).max(axis=0)
-        return np.asarray(planned <= planned.min(axis=0) + 2.0 * taken) & (planned < math.inf)
 
     def _planned_at(self, response: ServoResponse) -> FloatArray:
         """Return each column's margin (W, e + 2) with the points as estimated."""
@@ -106,6 +113,10 @@ class Executions:
         self, response: ServoResponse, active: BoolArray, points: FloatArray, camera: FloatArray, depth: int
     ) -> FloatArray:
         """Return the kernel's margins (K, depth, e + 2)."""
+        if response.lens.shape[-1] != camera.shape[1]:  # the kernel would read beyond the samples
+            raise ValueError(
+                f"{camera.shape[1]} parameters of samples, {response.lens.shape[-1]} of the path"
+            )
         asked, frame = constraint_table_of(self.problem), _frame(self.problem)
         found = np.full((len(points), depth, len(asked.entries) + 2), math.inf)
         drawn = Drawn(points, camera)

@@ -71,7 +71,7 @@ def plan_arm_with_risk(
     samples = RiskSamples(problem_of_estimate(problem, estimate, rows), estimate, rows, risk - links, seed)
     planner = _LinksAtRisk(samples, setting, links, mount_covariance)
     answer = searched(samples, begin, planner.plan, planner.missing)
-    return replace(answer, links=planner.margin_of(answer.plan))
+    return replace(answer, links=planner.margin_of(answer.found))
 
 
 class _LinksAtRisk:

@@ -4,23 +4,22 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
 
 from omniservo.errors import InputError, spelled
 from omniservo.estimation import TwoViewEstimate
-from omniservo.estimation.uncertainty.joint_uncertainty import Source
 from omniservo.geometry.arrays import FloatArray, IntArray, finite_number
-from omniservo.planning.camera_path import CameraPath
 from omniservo.planning.plan import Plan
 from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.risk.advice import sources_of, what_dominates, what_would_help
-from omniservo.risk.executions import IMAGE, Executions, constraints_of
+from omniservo.risk.executions import IMAGE, constraints_of
 from omniservo.risk.problem_around import NOT_METRIC
-from omniservo.risk.risk_plan import RiskPlan, UncertainMargin
+from omniservo.risk.risk_plan import RiskPlan, RiskReasons, UncertainMargin
 from omniservo.risk.safe_path import (
     STRICTER,
     Planner,
@@ -89,35 +88,44 @@ def searched(
     risk, count, draws, extra = samples.risk, samples.count, samples.draws, None
     for share in STRICTER:
         found = safe_path(samples.problem, draws, share * risk, samples.seed, planner, extra)
-        path = found.plan.path
-        if path is None or not len(found.margins):
-            advice = "there is none without uncertainty either"
-            return RiskPlan(False, found.plan, risk, 1.0, 1.0, count, 0.0, 0.0, {}, advice, _since(begin))
-        margins = samples.check.margins(path, critical_places(found.plan))
-        predicted = float((margins < 0.0).any(axis=1).mean())
-        bound = upper_bound(round(predicted * count), count)
+        if found.verdict is None:
+            return RiskPlan(False, found.plan, risk, 1.0, 1.0, count, 0.0, 0.0, _since(begin), _no_plan)
+        violations = int(samples.check.violated_at(found.verdict.places).sum())
+        bound = upper_bound(violations, count)
         missing = keeps(found.plan)
         ok = bound <= risk and not missing
         if ok or not found.ok:
             break
         draws, extra = draws[-1:], found.extra
-    estimate = samples.estimate
-    parts = {s: samples.alone(s) for s in sources_of(estimate)}
-    report = _uncertain_margins(samples.check, path, found, margins, parts, risk) if path else {}
-    plan, advice = found.plan, what_dominates(report)
-    if not ok:
-        if not missing:
-            advice = what_would_help(
-                sources_of(estimate),
-                report,
-                lambda kept: (
-                    safe_path(samples.problem, samples.draws_of(kept), risk, samples.seed, planner).ok
-                ),
-            )
-        reason = missing or _reason(report, predicted, risk)
-        plan = replace(plan, status="not_found", reason=f"{reason}; {advice}")
-    most, image = _most_added(found)
-    return RiskPlan(ok, plan, risk, predicted, bound, count, most, image, report, advice, _since(begin))
+    predicted, (most, image) = violations / count, _most_added(found)
+    reasons = partial(_reasons, samples, found, predicted, "" if ok else missing, None if ok else planner)
+    return RiskPlan(ok, found.plan, risk, predicted, bound, count, most, image, _since(begin), reasons)
+
+
+def _no_plan() -> RiskReasons:
+    """Return why there is no path that samples could be executed on."""
+    return RiskReasons({}, "there is none without uncertainty either")
+
+
+def _reasons(
+    samples: RiskSamples, found: SafePath, predicted: float, missing: str, planner: Planner | None
+) -> RiskReasons:
+    """Return why a path is as it is; ``planner`` None: its risk is small enough."""
+    report = _uncertain_margins(samples, found)
+    if planner is None:
+        return RiskReasons(report, what_dominates(report))
+    if missing:
+        advice, reason = what_dominates(report), missing
+    else:
+        reason = _reason(report, predicted, samples.risk)
+        advice = what_would_help(
+            sources_of(samples.estimate),
+            report,
+            lambda kept: (
+                safe_path(samples.problem, samples.draws_of(kept), samples.risk, samples.seed, planner).ok
+            ),
+        )
+    return RiskReasons(report, advice, f"{reason}; {advice}")
 
 
 def _most_added(found: SafePath) -> tuple[float, float]:
@@ -172,21 +180,18 @@ def problem_of_estimate(
     return replace(problem, points=estimate.points[rows], initial_T_goal=estimate.initial_T_goal)
 
 
-def _uncertain_margins(
-    check: Executions,
-    path: CameraPath,
-    found: SafePath,
-    margins: FloatArray,
-    alone: Mapping[Source, Executions],
-    risk: float,
-) -> dict[str, UncertainMargin]:
-    """Return what uncertainty, and each source ``alone``, does to every constraint."""
-    critical = critical_places(found.plan)
+def _uncertain_margins(samples: RiskSamples, found: SafePath) -> dict[str, UncertainMargin]:
+    """Return what uncertainty, and each source alone, does to every constraint of a path that was found."""
+    path, check, critical = found.plan.path, samples.check, critical_places(found.plan)
+    if path is None or found.verdict is None:
+        return {}
     places = np.unique(np.concatenate((np.linspace(0.0, 1.0, PLANNED_PLACES), critical)))
-    planned, left = check.planned(path, places), _left(margins, risk)
+    planned, left = check.planned(path, places), _left(check.margins_at(found.verdict.places), samples.risk)
+    sources = sources_of(samples.estimate)
     parts = {
-        source: planned - _left(few.margins(path, critical) if len(alone) > 1 else margins, risk)
-        for source, few in alone.items()
+        source: planned
+        - (left if len(sources) == 1 else _left(samples.alone(source).margins(path, critical), samples.risk))
+        for source in sources
     }
     return {
         name: UncertainMargin(

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
-from typing import Any
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
+from typing import Any, NamedTuple
 
 from omniservo.field_docs import with_field_docs
 from omniservo.planning.plan import Plan
@@ -50,17 +51,28 @@ class LinkMargin:
     """by how much more clearance was planned with, so that the samples keep what is required"""
 
 
+class RiskReasons(NamedTuple):
+    """Why a plan at a stated risk is as it is."""
+
+    margins: Mapping[str, UncertainMargin]
+    advice: str
+    refusal: str = ""
+    """why there is no plan; "": there is one, or the plan itself says it"""
+
+
 @with_field_docs
 @dataclass(frozen=True, eq=False)
 class RiskPlan:
-    """A plan whose margins are wide enough for an uncertain estimate, or the reason why there is none."""
+    """A plan whose margins are wide enough for an uncertain estimate, or the reason why there is none.
+
+    The reasons are found when they are first read: that takes longer than planning.
+    """
 
     ok: bool
     """the executed path violates a constraint with at most the stated risk: the 95% upper bound on
     ``predicted`` by Clopper and Pearson, from samples that had no part in the search, is not above it"""
-    plan: Plan
-    """its problem asks for the widened margins: certificate and verifier prove those. Of status "not_found"
-    or "infeasible" where ``ok`` is False: then the best attempt"""
+    found: Plan
+    """``plan`` without the reasons"""
     risk: float
     """as stated for the camera's constraints; see ``links`` for what the arm has besides"""
     predicted: float
@@ -73,16 +85,38 @@ class RiskPlan:
     """most that was added to a constraint in metres [m]"""
     extra_visibility: float
     """added to the visibility margin [px]"""
-    margins: Mapping[str, UncertainMargin]
-    """constraint → what uncertainty does to it; "image" are all image limits together"""
-    advice: str
-    """where ``ok`` is False: what would help, found by planning without each source; else what dominates"""
     seconds: float
-    """wall time [s]"""
+    """wall time, without the reasons [s]"""
+    reasons: Callable[[], RiskReasons] = field(repr=False)
+    """finds them"""
     links: LinkMargin | None = None
     """of the whole arm, where it was planned for; its risk comes on top"""
 
     __repr__ = short_repr
+
+    @cached_property
+    def _reasons(self) -> RiskReasons:
+        return self.reasons()
+
+    @cached_property
+    def plan(self) -> Plan:
+        """The plan; its problem asks for the widened margins, and certificate and verifier prove those.
+
+        Of status "not_found" or "infeasible" where ``ok`` is False: then the best attempt.
+        """
+        if self.ok or not self._reasons.refusal:
+            return self.found
+        return replace(self.found, status="not_found", reason=self._reasons.refusal)
+
+    @property
+    def margins(self) -> Mapping[str, UncertainMargin]:
+        """Constraint → what uncertainty does to it; "image" are all image limits together."""
+        return self._reasons.margins
+
+    @property
+    def advice(self) -> str:
+        """What would help, found by planning without each source; where ``ok`` is True what dominates."""
+        return self._reasons.advice
 
     def to_dict(self) -> dict[str, Any]:
         """Return the report without the plan, as plain numbers."""

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeAlias
+from functools import lru_cache
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from scipy.special import betaincinv
@@ -16,6 +17,7 @@ from omniservo.planning.plan import Plan
 from omniservo.planning.plan_path import plan_path
 from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.planning.widened import widened
+from omniservo.risk.checked_places import CheckedPlaces
 from omniservo.risk.executions import IMAGE, Executions, constraints_of
 
 STRICTER = (1.0, 0.75, 0.5)
@@ -34,11 +36,29 @@ ROUNDS = 8
 WORST = 16
 """So many times the violations that are allowed are kept of the worst samples of each constraint."""
 
+WORTHWHILE = 0.5
+"""Where the worst are a larger part of all samples, all are executed at once."""
+
 AHEAD = 1.05
 """A margin is widened by this part of what was missing: the next path is another one."""
 
 END_ROOM = 0.99
 """Part of what the end poses leave that may be required of the whole path."""
+
+
+class RiskVerdict(NamedTuple):
+    """What samples say of a plan."""
+
+    ok: bool
+    """few enough violate a constraint"""
+    violations: int
+    """so many do"""
+    allowed: int
+    """so many may"""
+    executions: Executions
+    """the samples that the verdict rests on"""
+    places: CheckedPlaces
+    """of the plan's path"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,13 +69,8 @@ class SafePath:
     plan: Plan
     extra: FloatArray
     """(d,) what was added to each constraint [m], [px]"""
-    margins: FloatArray
-    """(K, d) of the plan's executions; empty where there is no path"""
-
-    @property
-    def violations(self) -> int:
-        """How many samples violate a constraint."""
-        return int((self.margins < 0.0).any(axis=1).sum())
+    verdict: RiskVerdict | None = None
+    """of the plan's executions; None where there is no path"""
 
 
 def upper_bound(violations: int, samples: int) -> float:
@@ -68,6 +83,7 @@ def upper_bound(violations: int, samples: int) -> float:
     return float(betaincinv(violations + 1, samples - violations, EACH))
 
 
+@lru_cache(maxsize=64)
 def allowed_violations(risk: float, samples: int) -> int:
     """Return the most violations whose upper bound is within ``risk``; −1 where not even 0 is."""
     count = -1
@@ -114,12 +130,7 @@ def safe_path(
     constraints = constraints_of(problem)
     extra = np.zeros(len(constraints)) if begin is None else begin
     proven, search = np.zeros(len(constraints)), _Search(draws, risk)
-    best = SafePath(
-        False,
-        Plan(problem, "not_found", None, None, 0.0, "certified"),
-        extra,
-        np.empty((0, len(constraints))),
-    )
+    best = SafePath(False, Plan(problem, "not_found", None, None, 0.0, "certified"), extra)
     for _ in range(ROUNDS):
         plan = _plan(problem, extra, seed, planner)
         if plan is None or plan.status != "certified" or plan.path is None:
@@ -129,15 +140,14 @@ def safe_path(
                 break
             extra = proven if best.plan.path is None else 0.5 * (extra + proven)
             continue
-        ok, allowed, executions, margins = search.judged(plan, plan.path)
-        found = SafePath(ok, plan, extra, margins)
-        if ok:
-            return found
-        if best.plan.path is None or found.violations <= best.violations:
-            best = found
-        proven = extra
-        room = END_ROOM * executions.planned(plan.path, np.array([0.0, 1.0]))
-        extra = np.clip(extra + AHEAD * joint_shift(margins, allowed), 0.0, np.maximum(room, extra))
+        verdict = search.judged(plan, plan.path)
+        if verdict.ok:
+            return SafePath(True, plan, extra, verdict)
+        if best.verdict is None or verdict.violations <= best.verdict.violations:
+            best = SafePath(False, plan, extra, verdict)
+        proven, missed = extra, search.missed(verdict)
+        room = END_ROOM * verdict.executions.planned(plan.path, np.array([0.0, 1.0]))
+        extra = np.clip(extra + AHEAD * missed, 0.0, np.maximum(room, extra))
         if np.abs(extra - proven).max() < 1e-9:
             break
     return best
@@ -151,32 +161,39 @@ class _Search:
         self._few, self._every, self._risk = list(draws[:-1]), draws[-1], risk
         self._worst: Executions | None = None
 
-    def judged(self, plan: Plan, path: CameraPath) -> tuple[bool, int, Executions, FloatArray]:
-        """Return whether few enough samples violate a constraint, how many may, and their margins (k, d).
+    def judged(self, plan: Plan, path: CameraPath) -> RiskVerdict:
+        """Return what the samples say of a plan.
 
-        The worst alone can say that too many do, but not that few enough do.
+        The worst alone can say that too many violate a constraint, but not that few enough do.
         """
-        places = critical_places(plan)
+        first = self._few[0] if self._few else self._every
+        places = first().places(path, critical_places(plan))
         while self._few:
-            found = self._of(self._few[0](), len(self._few[0]().points), path, places)
-            if found[0]:
+            few = self._few[0]()
+            found = self._of(few, len(few.points), places)
+            if found.ok:
                 return found
             self._few.pop(0)
         every = self._every()
         if self._worst is not None:
-            found = self._of(self._worst, len(every.points), path, places)
-            if not found[0]:
+            found = self._of(self._worst, len(every.points), places)
+            if not found.ok:
                 return found
-        found = self._of(every, len(every.points), path, places)
-        self._worst = every.of_samples(worst_samples(found[3], WORST * (found[1] + 1)))
-        return found
+        return self._of(every, len(every.points), places)
 
-    def _of(
-        self, executions: Executions, count: int, path: CameraPath, places: FloatArray
-    ) -> tuple[bool, int, Executions, FloatArray]:
-        """Return that for samples out of so many."""
-        margins, allowed = executions.margins(path, places), allowed_violations(self._risk, count)
-        return int((margins < 0.0).any(axis=1).sum()) <= allowed, allowed, executions, margins
+    def missed(self, verdict: RiskVerdict) -> FloatArray:
+        """Return what each constraint misses (d,) by a verdict against a plan, and keep its worst samples."""
+        margins, every = verdict.executions.margins_at(verdict.places), self._every()
+        if verdict.executions is every:
+            rows = worst_samples(margins, WORST * (verdict.allowed + 1))
+            self._worst = every.of_samples(rows) if len(rows) < WORTHWHILE * len(every.points) else None
+        return joint_shift(margins, verdict.allowed)
+
+    def _of(self, executions: Executions, count: int, places: CheckedPlaces) -> RiskVerdict:
+        """Return the verdict of samples out of so many."""
+        violations = int(executions.violated_at(places).sum())
+        allowed = allowed_violations(self._risk, count)
+        return RiskVerdict(violations <= allowed, violations, allowed, executions, places)
 
 
 def worst_samples(margins: FloatArray, count: int) -> IntArray:

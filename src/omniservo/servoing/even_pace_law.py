@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -54,8 +55,11 @@ class EvenPaceLaw:
             InputError: the time is not finite.
         """
         share, speed = self._share(time)
-        w = float(self._place(share))
-        return min(max(w, 0.0), 1.0), max(float(self._place(share, 1)), 0.0) * speed
+        begins, cubics = self._pieces
+        i = min(bisect_right(begins, share), len(cubics)) - 1
+        x, (a, b, c, d) = share - begins[i], cubics[i]
+        w, slope = ((a * x + b) * x + c) * x + d, (3.0 * a * x + 2.0 * b) * x + c
+        return min(max(w, 0.0), 1.0), max(slope, 0.0) * speed
 
     def finished(self, time: float) -> bool:
         """Return whether ``time`` [s] has reached the duration."""
@@ -83,6 +87,11 @@ class EvenPaceLaw:
         whole = self._length[-1]
         places = np.linspace(0.0, 1.0, _PLACES)
         return CubicHermiteSpline(self._length / whole, places, whole / self._paces)
+
+    @cached_property
+    def _pieces(self) -> tuple[list[float], list[list[float]]]:
+        """Where each cubic of `_place` begins, and its coefficients: SciPy takes 10 µs for one time."""
+        return self._place.x.tolist(), self._place.c.T.tolist()
 
     @cached_property
     def _share(self) -> RestToRestLaw:

@@ -8,7 +8,6 @@ import numpy as np
 
 from omniservo.errors import ServoStop
 from omniservo.geometry.arrays import FloatArray
-from omniservo.servoing.rotation_vector import cross_matrix
 from omniservo.studies.trajectory import Trajectory
 
 LONGEST = 1.0 / 30.0
@@ -69,7 +68,8 @@ def exponential_map(motion: FloatArray) -> tuple[FloatArray, FloatArray]:
     c = (1 − a)/θ². `RigidTransform.from_exp_coords` has the same, and checks that take longer than all else
     between two images.
     """
-    square = float(motion[3:] @ motion[3:])
+    vx, vy, vz, x, y, z = motion.tolist()
+    square = x * x + y * y + z * z
     angle = math.sqrt(square)
     if angle < 0.02:  # by their series, where the differences would lose digits
         a, b = 1.0 - square / 6.0 * (1.0 - square / 20.0), 0.5 - square / 24.0 * (1.0 - square / 30.0)
@@ -77,6 +77,19 @@ def exponential_map(motion: FloatArray) -> tuple[FloatArray, FloatArray]:
     else:
         a, b = math.sin(angle) / angle, 2.0 * math.sin(0.5 * angle) ** 2 / square
         c = (1.0 - a) / square
-    cross = cross_matrix(motion[3:])
-    twice = cross @ cross
-    return np.eye(3) + a * cross + b * twice, motion[:3] + (b * cross + c * twice) @ motion[:3]
+    turn = np.array(
+        [
+            [1.0 - b * (y * y + z * z), b * x * y - a * z, b * x * z + a * y],
+            [b * x * y + a * z, 1.0 - b * (x * x + z * z), b * y * z - a * x],
+            [b * x * z - a * y, b * y * z + a * x, 1.0 - b * (x * x + y * y)],
+        ]
+    )
+    along, rest = c * (x * vx + y * vy + z * vz), 1.0 - c * square
+    shift = np.array(
+        [
+            rest * vx + along * x + b * (y * vz - z * vy),
+            rest * vy + along * y + b * (z * vx - x * vz),
+            rest * vz + along * z + b * (x * vy - y * vx),
+        ]
+    )
+    return turn, shift

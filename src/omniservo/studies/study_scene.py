@@ -116,9 +116,10 @@ class StudyScene:
         """Return which points (n, 3) an obstacle hides from a camera's ``centre`` (3,)."""
         middles, radii = self._balls
         ray, to_ball = points - centre, middles - centre
-        along = np.clip((ray @ to_ball.T) / (ray**2).sum(axis=1)[:, None], 0.0, 1.0)
-        off = along[:, :, None] * ray[:, None] - to_ball
-        behind: BoolArray = ((off**2).sum(axis=2) < radii**2).any(axis=1)
+        squared, shared = (ray * ray).sum(axis=1)[:, None], ray @ to_ball.T
+        along = np.minimum(np.maximum(shared / squared, 0.0), 1.0)
+        off = along * (along * squared - 2.0 * shared) + (to_ball * to_ball).sum(axis=1)
+        behind: BoolArray = (off < radii * radii).any(axis=1)
         return behind
 
     @cached_property

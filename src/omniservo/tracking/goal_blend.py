@@ -36,6 +36,8 @@ class GoalBlend:
         """Return o(w) and do/dw, (n, 3) each."""
         value, slope = np.zeros_like(self._changes[0][1]), np.zeros_like(self._changes[0][1])
         for begin, change in self._changes:
+            if w <= begin < 1.0:
+                continue
             rise, growth = _rise(w, begin)
             if rise != 0.0:
                 value += rise * change

@@ -12,9 +12,9 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from omniservo.cameras.models import CentralModel
 from omniservo.errors import Divergence, FeatureLoss, InputError, NotFinite
 from omniservo.estimation import refine_pose
+from omniservo.estimation.refinement.refine_pose import refined_matrix
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array, finite_number
-from omniservo.planning.quick_poses import composed
 from omniservo.servoing import ImageServo, MeasuredPose, ServoMeasurement, ServoMethod
 from omniservo.servoing.control_law import limit_twist
 
@@ -50,12 +50,17 @@ class GoalServoReport:
     """(n, 2) the goal image's points [px]"""
     goal_error_px: float
     """rms distance of the points to the goal image [px]"""
-    initial_T_camera: RigidTransform
-    """the camera's pose, from the image"""
+    matrix: FloatArray
+    """(4, 4) of `initial_T_camera`"""
     limited: bool
     """the twist was scaled down to a speed limit"""
     w: float = math.nan
     """no path"""
+
+    @property
+    def initial_T_camera(self) -> RigidTransform:
+        """The camera's pose, from the image."""
+        return RigidTransform(self.matrix, normalize=False)
 
     @property
     def error_px(self) -> float:
@@ -108,13 +113,13 @@ class GoalServo:
         guess = RigidTransform.identity() if initial_T_goal is None else initial_T_goal
         refined = refine_pose(camera, self._points, self._goal_pixels, guess)
         goal = guess if refined.reference_T_camera is None else refined.reference_T_camera
-        self._goal_T_initial = goal.inv()
+        self._goal, self._goal_T_initial = goal.as_matrix(), goal.inv().as_matrix()
         self._goal_distances = np.linalg.norm(self._points - goal.translation, axis=1)
         self._settled = 0
         self._time = 0.0
         self._twist = np.zeros(6)
         self._where: MeasuredPose | None = None
-        self._initial_T_camera = RigidTransform.identity()
+        self._initial_T_camera = np.eye(4)
 
     @property
     def points(self) -> FloatArray:
@@ -130,7 +135,7 @@ class GoalServo:
     def goal(self) -> ServoMeasurement:
         """What the method would be given at the goal."""
         everything = np.ones(len(self._points), dtype=np.bool_)
-        return self._measurement(0.0, self._goal_bearings, everything, self._goal_T_initial.inv())
+        return self._measurement(0.0, self._goal_bearings, everything, self._goal)
 
     def carried_by(self, where: MeasuredPose) -> None:
         """Carry the pose along the camera's measured motion from now on, in place of the last twist.
@@ -145,7 +150,7 @@ class GoalServo:
 
         As the joints were measured where `carried_by` says it, else by the last twist.
         """
-        moved = self._initial_T_camera * self._moved(time)
+        moved = RigidTransform(self._initial_T_camera, normalize=False) * self._moved(time)
         return self._camera.project(moved.inv().apply(self._points))
 
     def _moved(self, time: float) -> RigidTransform:
@@ -187,10 +192,10 @@ class GoalServo:
         use &= valid
         if use.sum() < LEAST_POINTS:
             raise FeatureLoss(f"{int(use.sum())} points are left; at least {LEAST_POINTS} are needed")
-        refined = refine_pose(self._camera, self._points, pixels, self._initial_T_camera, use)
-        if refined.reference_T_camera is None:
+        pose, _, _ = refined_matrix(self._camera, self._points, pixels, self._initial_T_camera, use)
+        if pose is None:
             raise Divergence(f"no camera pose explains the {int(use.sum())} points in the image")
-        self._initial_T_camera = pose = refined.reference_T_camera
+        self._initial_T_camera = pose
         twist = np.array(self.method.step(self._measurement(time, bearings, use, pose)), dtype=np.float64)
         if twist.shape != (6,) or not np.isfinite(twist).all():
             raise NotFinite(f"{type(self.method).__name__} gives the twist {twist.tolist()}; it was not sent")
@@ -202,15 +207,15 @@ class GoalServo:
         return self._twist
 
     def _measurement(
-        self, time: float, bearings: FloatArray, use: BoolArray, initial_T_camera: RigidTransform
+        self, time: float, bearings: FloatArray, use: BoolArray, initial_T_camera: FloatArray
     ) -> ServoMeasurement:
         """Return what is known of the points ``use`` (n,), seen along ``bearings`` (n, 3)."""
-        distances = np.linalg.norm(self._points - initial_T_camera.translation, axis=1)
+        distances = np.linalg.norm(self._points - initial_T_camera[:3, 3], axis=1)
         return ServoMeasurement(
             time,
             bearings[use],
             distances[use],
             self._goal_bearings[use],
             self._goal_distances[use],
-            composed(self._goal_T_initial, initial_T_camera),
+            RigidTransform(self._goal_T_initial @ initial_T_camera, normalize=False),
         )

@@ -66,7 +66,8 @@ class StructureRefinement:
         """
         if len(self._poses) >= MOST_VIEWS:
             return None
-        if min(np.linalg.norm(pose[4:] - kept[4:]) for kept in self._poses) < self._apart:
+        away = np.array(self._poses)[:, 4:] - pose[4:]
+        if (away * away).sum(axis=1).min() < self._apart**2:
             return None
         poses = np.array([*self._poses, pose])
         points = self._points.copy()

@@ -12,7 +12,7 @@ from omniservo.cameras.models import CentralModel
 from omniservo.errors import InputError
 from omniservo.estimation.refinement.pose_refinement import pose_covariance, refine_pose_kernel
 from omniservo.field_docs import with_field_docs
-from omniservo.geometry.arrays import FloatArray, finite_array, owned
+from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array, owned
 from omniservo.geometry.quaternions import matrix_from_quaternion, quaternion_from_matrix
 
 
@@ -63,10 +63,19 @@ def refine_pose(
     if seen.shape != (len(model), 2):
         raise InputError(f"pixels: shape {seen.shape} given; {(len(model), 2)} is needed")
     finite_array("pixels (valid rows)", seen[use], (None, 2))
+    matrix, rms, covariance = refined_matrix(camera, model, seen, reference_T_camera.as_matrix(), use)
+    # without SciPy's checks, which take longer than the refinement
+    pose = None if matrix is None else RigidTransform(matrix, normalize=False)
+    return PoseRefinement(pose, rms, owned(covariance), matrix is not None)
+
+
+def refined_matrix(
+    camera: CentralModel, model: FloatArray, pixels: FloatArray, guess: FloatArray, use: BoolArray
+) -> tuple[FloatArray | None, float, FloatArray]:
+    """Return what `refine_pose` does of checked arguments: pose (4, 4) or None, rms [px], covariance."""
     image = unified_image(camera)
-    seen, use = image.kept(seen, use)
-    seen, parameters = np.ascontiguousarray(seen), image.camera.parameters
-    guess = reference_T_camera.as_matrix()
+    seen, use = image.kept(pixels, use)
+    seen, parameters = np.ascontiguousarray(seen, dtype=np.float64), image.camera.parameters
     quaternion = quaternion_from_matrix(np.ascontiguousarray(guess[:3, :3]))
     translation = np.ascontiguousarray(guess[:3, 3])
     quaternion, translation, rms, ok = refine_pose_kernel(
@@ -75,14 +84,13 @@ def refine_pose(
     covariance = np.full((6, 6), math.nan)
     if ok:
         ok = pose_covariance(parameters, model, seen, use, quaternion, translation, 0.0, covariance)
-    pose = _pose(quaternion, translation) if ok else None
-    return PoseRefinement(pose, float(rms), owned(covariance), bool(ok))
+    return _matrix(quaternion, translation) if ok else None, float(rms), covariance
 
 
-def _pose(quaternion: FloatArray, translation: FloatArray) -> RigidTransform:
-    """Return the pose of a unit quaternion, without SciPy's checks, which take longer than the refinement."""
+def _matrix(quaternion: FloatArray, translation: FloatArray) -> FloatArray:
+    """Return the pose (4, 4) of a unit quaternion."""
     rotation, matrix = np.empty((3, 3)), np.eye(4)
     x, y, z, w = quaternion.tolist()
     matrix_from_quaternion(x, y, z, w, rotation)
     matrix[:3, :3], matrix[:3, 3] = rotation, translation
-    return RigidTransform(matrix, normalize=False)
+    return matrix

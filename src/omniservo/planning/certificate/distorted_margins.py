@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
-from omniservo.cameras import ImageLimits
+from omniservo.cameras import ImageLimits, UnifiedCamera
 from omniservo.cameras.distorted_mask import mask_on_plane
 from omniservo.cameras.image_mask import distance_beyond
 from omniservo.errors import InputError
@@ -32,6 +33,10 @@ _MASK = "visibility mask "
 FINE_PX = 0.2
 """A margin is bisected until it is known so closely."""
 
+_STEP_PX = 0.5 * FINE_PX
+"""Limits are moved inward by whole multiples of it: paths of one camera share their polygons, each of which
+takes longer than the proof of a path."""
+
 
 def distorted_margins(
     problem: PlanningProblem, constraints: Constraints, rotation: FloatArray, translation: FloatArray
@@ -46,9 +51,9 @@ def distorted_margins(
     margin_px, found, statuses, polygon = problem.image_margin, [], [], None
     for name, seen in _seen_margins(problem, CameraPath(rotation, translation)):
 
-        def proven(margin: float, name: str = name) -> ImageLimits | None:
+        def proven(moved: float, name: str = name) -> ImageLimits | None:
             try:
-                limits = _limits_of(problem, name, margin_px + margin)
+                limits = _limits_of(problem, name, moved)
             except InputError:
                 return None
             kept = constraints_of(problem, limits)
@@ -61,11 +66,13 @@ def distorted_margins(
             return limits if prove_visible(*controls, count, rows, disc)[0] == PROVEN else None
 
         least, w, point = seen
-        margin, limits = _largest(proven, least)
+        moved, limits = _largest(proven, margin_px, margin_px + max(0.0, least))
         status = UNDECIDED if limits is None else PROVEN
         if least < -1e-6:
             status = REFUTED
-        found.append(ConstraintMargin(f"{name} (point {point})", margin if limits else least, "px", w))
+        found.append(
+            ConstraintMargin(f"{name} (point {point})", moved - margin_px if limits else least, "px", w)
+        )
         statuses.append(status)
         if name == _POLYGON:
             polygon = limits.polygon if limits else problem.camera.image_limits(margin_px).polygon
@@ -76,22 +83,32 @@ def _limits_of(problem: PlanningProblem, name: str, margin_px: float) -> ImageLi
     """Return the limits moved inward by a margin; of a mask alone, where the path keeps to the polygon."""
     camera = problem.camera
     if not name.startswith(_MASK):
-        return camera.image_limits(margin_px)
+        return _limits_at(camera, margin_px)
     kept = camera.image_limits(problem.image_margin)
     region = np.zeros((0, 2)) if kept.polygon is None else kept.polygon
     cover = mask_on_plane(camera, camera.mask[int(name.removeprefix(_MASK))], margin_px, region)
     return replace(kept, mask=() if cover is None else (cover,))
 
 
-def _largest(proven: Callable[[float], ImageLimits | None], seen: float) -> tuple[float, ImageLimits | None]:
-    """Return the largest margin that is proven, up to FINE_PX, and its limits; None where 0 is not."""
-    low, high = 0.0, max(0.0, seen)
+@lru_cache(maxsize=2048)
+def _limits_at(camera: UnifiedCamera, margin_px: float) -> ImageLimits:
+    """Return the camera's limits moved inward, of as many margins as its paths may have."""
+    return camera.image_limits(margin_px)
+
+
+def _largest(
+    proven: Callable[[float], ImageLimits | None], low: float, high: float
+) -> tuple[float, ImageLimits | None]:
+    """Return by how much limits can be moved inward and are proven, up to FINE_PX, and these limits.
+
+    None where even ``low`` is not; ``high`` is seen to be the most.
+    """
     limits = proven(low)
     if limits is None:
-        return 0.0, None
-    width = 0.5 * FINE_PX
+        return low, None
+    width = _STEP_PX
     while high - low > FINE_PX:
-        middle = max(0.5 * (low + high), high - width)
+        middle = _STEP_PX * round(max(0.5 * (low + high), high - width) / _STEP_PX)
         width *= 4.0
         better = proven(middle)
         if better is None:
