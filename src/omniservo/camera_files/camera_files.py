@@ -150,12 +150,10 @@ def read_model(
     reader = next((r for r in _READERS if r.recognises(file.fields)), None)
     if reader is None:
         raise InputError(
-            f"{path}: no known camera format; legal: omniservo.camera/1, OpenCV, Kalibr, CamOdoCal / VINS"
-            " (model_type), Basalt, ROS CameraInfo, OCamCalib, SVO and maplab, BoofCV, COLMAP cameras.txt and"
-            " cameras.bin, Mei's toolbox (xi), ViSP, ORB-SLAM settings, EuRoC sensor.yaml, nerfstudio"
-            " transforms.json, Metashape, RealSense (rs-enumerate-devices -c), DepthAI, WoodScape. Of any"
-            ' other write the numbers under OpenCV\'s names: {"K": [[fx, 0, cx], [0, fy, cy], [0, 0, 1]],'
-            ' "D": […], "image_size": [width, height]}'
+            f"{path}: no known camera format; legal: omniservo.camera/1, OpenCV, Kalibr, CamOdoCal / VINS,"
+            " Basalt, ROS, OCamCalib, SVO, maplab, BoofCV, COLMAP, Mei (xi), ViSP, ORB-SLAM, EuRoC,"
+            " nerfstudio, Metashape, RealSense, DepthAI, WoodScape. Write any other as OpenCV has it:"
+            ' {"K": [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], "D": […], "image_size": [width, height]}'
         )
     if model is not None and reader is not opencv:
         raise InputError(f"model: {spelled(model)} given, but {path} says its model itself")
