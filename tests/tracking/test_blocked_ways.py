@@ -12,13 +12,14 @@ from tests.tracking.test_replanner import (
     LAW,
     PLAN,
     POINTS,
+    PROBLEM,
     arm,
     following,
     reference,
 )
 
 from omniservo.errors import Blocked, InputError, NotFinite
-from omniservo.planning import Sphere
+from omniservo.planning import Sphere, plan_path
 from omniservo.tracking import PathTracker, Replanner, ReplanOptions
 
 __all__ = ["arm"]
@@ -131,3 +132,28 @@ def test_obstacles_that_are_refused_leave_those_said_before_and_what_they_block(
     assert replanner.obstacles == (ball,)
     with pytest.raises(Blocked):
         replanner.look(1.0)
+
+
+@pytest.mark.parametrize(("shift", "found"), [(0.012, True), (0.016, False)])
+def test_where_no_way_keeps_what_the_plan_keeps_one_that_keeps_what_is_required_is_taken(shift, found):
+    ball = Sphere(GOAL.translation + np.array([0.055, 0.0, 0.0]), 0.01)  # 45 mm from the goal
+    required = replace(PROBLEM, obstacles=(ball,), clearance=0.03)
+    plan = plan_path(replace(required, clearance=0.04))
+    assert plan.status == "certified"
+    there = RigidTransform.from_translation([shift, 0.0, 0.0]) * GOAL
+    pixels, _ = CAMERA.project(there.inv().apply(POINTS))
+    options = ReplanOptions(tube=0.01)
+    tracker = PathTracker(plan, CAMERA, time_law=LAW, goal_pixels=pixels)
+    with pytest.raises(Blocked, match="estimate changed"):
+        Replanner(tracker, plan, options=options).look(0.8)
+    replanner = Replanner(tracker, plan, required=required, options=options)
+    if not found:
+        with pytest.raises(Blocked, match="estimate changed"):
+            replanner.look(0.8)
+        return
+    event = replanner.look(0.8)
+    assert event.outcome == "replanned"
+    assert event.problem.clearance == required.clearance
+    places = event.legs[-1].path(np.linspace(0.0, 1.0, 500)).translation
+    assert 0.03 <= np.linalg.norm(places - ball.center, axis=1).min() - ball.radius < 0.04
+    assert replanner.look(0.833) is None

@@ -40,7 +40,7 @@ class ReplannedTracker:
         )
         arm = _following_arm(found)
         self._tracker = tracker
-        self._replanner = Replanner(tracker, found.plan, arm=arm, options=options)
+        self._replanner = Replanner(tracker, found.plan, arm=arm, required=found.required, options=options)
         self.posture: Posture | None = None if arm is None else self._replanner.posture
         """where the arm is to be at a time; None: there is none"""
         self.set_obstacles: Callable[[tuple[Sphere, ...]], None] = self._replanner.set_obstacles

@@ -34,6 +34,8 @@ class StudyPlan:
     """A plan, and what follows it."""
 
     plan: Plan
+    required: PlanningProblem
+    """what it has to keep; planned at a stated risk it keeps more"""
     setting: ArmSetting | None
     """of the arm as it is stated to the planner; None: there is none"""
     joints: JointPath | None
@@ -104,7 +106,7 @@ def planned(study: Study, scene: StudyScene, method: RunMethod, known: Estimated
         plan = _certified(study, scene, problem, known, setting)
     else:
         plan = plan_path(problem, method="paper", seed=scene.number)
-    return StudyPlan(plan, setting, None if setting is None else _followed(setting, plan))
+    return StudyPlan(plan, problem, setting, None if setting is None else _followed(setting, plan))
 
 
 def _certified(

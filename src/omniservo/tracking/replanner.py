@@ -92,6 +92,8 @@ class Replanner:
         tracker: follows the plan.
         plan: with which it was made.
         arm: that carries the camera; None: the camera alone is planned for, and laws are carried on.
+        required: what a way has to keep where none is proven that keeps all that the plan does, which is more
+            where it was planned at a stated risk; obstacles that are stated anew replace its own. None: all.
         options: see ReplanOptions.
 
     Raises:
@@ -104,6 +106,7 @@ class Replanner:
         plan: Plan,
         *,
         arm: FollowingArm | None = None,
+        required: PlanningProblem | None = None,
         options: ReplanOptions | None = None,
     ) -> None:
         self.options = options or ReplanOptions()
@@ -112,7 +115,7 @@ class Replanner:
         """every look at which something had changed"""
         if plan.path is None:
             raise InputError(f"plan: status {plan.status!r} without a path; a plan with a path is needed")
-        self._tracker, self._plan, self._arm = tracker, plan, arm
+        self._tracker, self._plan, self._arm, self._required = tracker, plan, arm, required
         self._problem = self._asked = plan.problem
         self._time = -math.inf
         self._solids: tuple[Solid, ...] = ()
@@ -206,6 +209,8 @@ class Replanner:
             return None
         begin = perf_counter()
         event = self._answer(time, cause, problem, begin)
+        if event.outcome == "blocked" and self._required is not None:
+            event = self._answer(time, cause, self._least(self._required, problem), begin)
         event = replace(event, seconds=perf_counter() - begin)
         self.events.append(event)
         if event.outcome == "blocked":
@@ -221,7 +226,7 @@ class Replanner:
         cause: Literal["obstacles", "estimate"] | None = None
         problem = self._problem
         asked, known = self._asked.obstacles, problem.obstacles
-        if len(asked) != len(known) or any(a is not b for a, b in zip(asked, known, strict=True)):
+        if not _are_same(asked, known):
             cause, problem = "obstacles", replace(problem, obstacles=asked)
         change = self.change
         if not math.isfinite(change):
@@ -231,6 +236,16 @@ class Replanner:
             goal = RigidTransform.from_components(pose[4:], Rotation.from_quat(pose[:4]))
             problem = replace(problem, points=self._tracker.points, initial_T_goal=goal)
         return cause, problem
+
+    def _least(self, required: PlanningProblem, problem: PlanningProblem) -> PlanningProblem:
+        """Return what is required of what is known now."""
+        stated = _are_same(problem.obstacles, self._plan.problem.obstacles)
+        return replace(
+            required,
+            points=problem.points,
+            initial_T_goal=problem.initial_T_goal,
+            obstacles=required.obstacles if stated else problem.obstacles,
+        )
 
     def _answer(
         self, time: float, cause: Literal["obstacles", "estimate"], problem: PlanningProblem, begin: float
@@ -361,3 +376,8 @@ class Replanner:
         """Return the leg that is followed at ``time`` [s], and the joints that do."""
         k = self.leg_number(time)
         return self._tracker.legs[k], self._joints[k]
+
+
+def _are_same(obstacles: tuple[Obstacle, ...], others: tuple[Obstacle, ...]) -> bool:
+    """Return whether nothing was stated anew."""
+    return len(obstacles) == len(others) and all(a is b for a, b in zip(obstacles, others, strict=True))
