@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -35,7 +35,8 @@ class StudyPlan:
 
     plan: Plan
     required: PlanningProblem
-    """what it has to keep; planned at a stated risk it keeps more"""
+    """what a way that is planned later has to keep; ``plan`` keeps a margin to image limits, too, and what
+    its risk asks for"""
     setting: ArmSetting | None
     """of the arm as it is stated to the planner; None: there is none"""
     joints: JointPath | None
@@ -106,7 +107,8 @@ def planned(study: Study, scene: StudyScene, method: RunMethod, known: Estimated
         plan = _certified(study, scene, problem, known, setting)
     else:
         plan = plan_path(problem, method="paper", seed=scene.number)
-    return StudyPlan(plan, problem, setting, None if setting is None else _followed(setting, plan))
+    required = replace(problem, visibility_margin=0.0)
+    return StudyPlan(plan, required, setting, None if setting is None else _followed(setting, plan))
 
 
 def _certified(
