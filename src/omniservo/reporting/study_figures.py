@@ -40,7 +40,7 @@ _A_CELL = 20
 """runs of a method, on average"""
 _MOST_CELLS = 12
 _SHARES, _NO_START = "viridis", "#d9d9d9"
-_COLUMNS = 4
+_MOST_COLUMNS = 4
 
 
 def study_drawings(tally: StudyTally) -> Iterator[Drawing]:
@@ -76,7 +76,8 @@ def _rates(found: Sequence[MethodSummary]) -> Drawing:
 
 
 def _regions(found: Mapping[str, MethodTally]) -> Drawing:
-    columns = min(_COLUMNS, len(found))
+    count = len(found)
+    columns = count if count <= _MOST_COLUMNS else min(3, _MOST_COLUMNS, key=lambda k: -count % k)
     lines = -(-len(found) // columns)
     figure = new_figure(2.9 * columns + 0.6, 2.5 * lines + 0.7)
     grid = figure.subplots(lines, columns, squeeze=False, sharex=True, sharey=True)
@@ -90,8 +91,11 @@ def _regions(found: Mapping[str, MethodTally]) -> Drawing:
         axes.set_title(method)
     for axes in grid[:, 0]:
         axes.set_ylabel("distance / goal's")
-    for axes in grid[-1]:
-        axes.set_xlabel("start rotation [deg]")
+    for column in grid.T:
+        lowest = [axes for axes in column if axes.get_visible()][-1:]
+        for axes in lowest:
+            axes.set_xlabel("start rotation [deg]")
+            axes.tick_params(labelbottom=True)
     if scattered:
         legend_below(figure, grid.flat[0], 2)
     else:
