@@ -33,6 +33,7 @@ from omniservo.studies.study_camera import StudyCamera
 from omniservo.studies.study_controller import Led
 from omniservo.studies.study_parts import PartWork, part_of_content
 from omniservo.studies.study_plan import planned
+from omniservo.studies.study_row import scored
 from omniservo.studies.study_scene import NoScene, draw_scene, generators
 from omniservo.studies.trajectory import Trajectory
 
@@ -207,6 +208,19 @@ def test_a_link_in_the_floor_is_a_collision_though_no_ball_is_near(study, scene)
     least, touch = scene.arm.nearness(joints, ())
     assert touch
     assert least < -0.05
+
+
+@pytest.mark.parametrize("folded", [False, True])
+def test_a_row_whose_arm_touched_itself_is_a_collision_and_no_success(study, rows, scene, folded):
+    way, row = Trajectory.standing(), next(row for row in rows if row.scene == scene.number)
+    at_goal = replace(scene, initial_T_goal=way.end, obstacles=())
+    joints = scene.arm.start.copy()
+    if folded:
+        joints[1:4] = -1.57, 3.1, 0.0
+    way.joints.append(joints)
+    found = scored(study, at_goal, row, way)
+    assert (found.collision, found.success) == (folded, not folded)
+    assert found.least_gap_m is None
 
 
 def test_an_arm_that_folds_onto_itself_touches(study, scene):

@@ -92,10 +92,9 @@ def _regions(found: Mapping[str, MethodTally]) -> Drawing:
     for axes in grid[:, 0]:
         axes.set_ylabel("distance / goal's")
     for column in grid.T:
-        lowest = [axes for axes in column if axes.get_visible()][-1:]
-        for axes in lowest:
-            axes.set_xlabel("start rotation [deg]")
-            axes.tick_params(labelbottom=True)
+        lowest = [axes for axes in column if axes.get_visible()][-1]
+        lowest.set_xlabel("start rotation [deg]")
+        lowest.tick_params(labelbottom=True)
     if scattered:
         legend_below(figure, grid.flat[0], 2)
     else:

@@ -47,19 +47,10 @@ def replanner_of(
         controller,
         plan,
         arm=FollowingArm(setting, motion.joints, kept),
-        options=ReplanOptions(
-            ahead=1.5 / task.sensor.rate + task.sensor.latency,
-            tube=max(tracking_room_of(task), _LEAST_TUBE),
-            seed=seed,
-        ),
+        options=ReplanOptions.of_loop(task.sensor.rate, task.sensor.latency, tracking_room_of(task), seed),
     )
 
 
 def followed_way(replanner: Replanner) -> FollowedWay:
     """Return the way that the arm was led on."""
     return FollowedWay(replanner.legs, tuple(joints for joints in replanner.joints if joints is not None))
-
-
-_LEAST_TUBE = 0.003
-"""An estimate that changes by more than tracking has room for leads the camera off the path by more; but by
-no less than this is planned again [m]."""

@@ -15,9 +15,6 @@ from omniservo.studies.study_scene import StudyScene
 from omniservo.tracking import FollowingArm, PathTracker, Replanner, ReplanOptions
 from omniservo.tracking.replanning import Replanning
 
-_LEAST_TUBE = 0.003
-"""[m]"""
-
 
 class ReplannedTracker:
     """Steps a `PathTracker`, and after each step lets a `Replanner` look at what it has learnt.
@@ -33,11 +30,7 @@ class ReplannedTracker:
 
     def __init__(self, study: Study, scene: StudyScene, tracker: PathTracker, found: StudyPlan) -> None:
         late = scene.conditions.latency + scene.conditions.jitter
-        options = ReplanOptions(
-            ahead=1.5 / study.images.rate + late,
-            tube=max(study.servo.clearance_margin, _LEAST_TUBE),
-            seed=scene.number,
-        )
+        options = ReplanOptions.of_loop(study.images.rate, late, study.servo.clearance_margin, scene.number)
         arm = _following_arm(found)
         self._tracker = tracker
         self._replanner = Replanner(tracker, found.plan, arm=arm, required=found.required, options=options)

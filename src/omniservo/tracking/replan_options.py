@@ -7,6 +7,13 @@ from dataclasses import dataclass
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import finite_number
 
+_PERIODS = 1.5
+"""of the camera, from an image with which planning began until another way is entered"""
+
+_LEAST_TUBE = 0.003
+"""An estimate that changes by more than tracking has room for leads the camera off the path by more; but by
+no less than this is planned again [m]."""
+
 
 @with_field_docs
 @dataclass(frozen=True)
@@ -22,6 +29,18 @@ class ReplanOptions:
     """A plan that took longer is not followed [s]; None: as long as it takes, where time stands meanwhile"""
     seed: int = 0
     """as for `plan_path`"""
+
+    @classmethod
+    def of_loop(cls, rate: float, late: float, room: float, seed: int) -> ReplanOptions:
+        """Return those of a loop whose plans keep some room for tracking.
+
+        Args:
+            rate: images a second.
+            late: how much later than its image a twist acts [s].
+            room: what plans keep free because the camera does not follow exactly [m].
+            seed: as for `plan_path`.
+        """
+        return cls(ahead=_PERIODS / rate + late, tube=max(room, _LEAST_TUBE), seed=seed)
 
     def __post_init__(self) -> None:
         finite_number("ahead", self.ahead, above=0.0)
