@@ -202,6 +202,13 @@ METRICS = {
 }
 
 
+def test_what_is_certified_is_rounded_down_and_what_is_measured_is_not():
+    text = "\n".join(run_summary(METRICS | {"visibility_planned_px": 100.6, "visibility_executed_px": 100.7}))
+    assert "≥ 100 px certified, 101 px executed" in text
+    planned = METRICS | {"visibility_planned_px": 100.6, "plan_status": "undecided"}
+    assert "101 px planned" in "\n".join(run_summary(planned))
+
+
 def test_a_run_ends_in_five_lines_in_mm():
     lines = list(run_summary(METRICS))
     assert len(lines) == 5

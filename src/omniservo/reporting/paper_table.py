@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from omniservo.reporting.curves import planned_curve
 from omniservo.reporting.margins import certified_clearance, certified_visibility
 from omniservo.reporting.promise_words import CERTIFIED, EXECUTED, REQUIRED
-from omniservo.reporting.spelling import NOTHING, significant, spell
+from omniservo.reporting.spelling import NOTHING, significant, spell, spell_bound
 from omniservo.results.run_result import RunResult
 
 
@@ -66,11 +66,14 @@ def comparison_table(result: RunResult) -> tuple[ComparisonRow, ...]:
             _bare(_smallest_planned(result), 1e3),
             "mm",
         ),
-        ComparisonRow(f"… {CERTIFIED}", NOTHING, _bare(certified_clearance(result), 1e3), "mm"),
+        ComparisonRow(f"… {CERTIFIED}", NOTHING, _bound(certified_clearance(result), "m"), "mm"),
         ComparisonRow(f"… {EXECUTED}", NOTHING, _bare(metrics.get("clearance_executed_m"), 1e3), "mm"),
         ComparisonRow(f"arm to the obstacle's body, {EXECUTED}", NOTHING, _gap(result), "mm"),
         ComparisonRow(
-            f"points to the image's limits, {CERTIFIED}", "kept", _bare(certified_visibility(result)), "px"
+            f"points to the image's limits, {CERTIFIED}",
+            "kept",
+            _bound(certified_visibility(result), "px"),
+            "px",
         ),
         ComparisonRow(f"… {EXECUTED}", "kept", _bare(metrics.get("visibility_executed_px")), "px"),
         ComparisonRow("at the goal", "converges", _at_goal(result), ""),
@@ -126,6 +129,11 @@ def _smallest_planned(result: RunResult) -> float | None:
 
 def _bare(value: object, factor: float = 1.0) -> str:
     return significant(factor * float(value)) if isinstance(value, int | float) else NOTHING
+
+
+def _bound(value: float | None, unit: str) -> str:
+    """Return a proven lower bound, rounded down, without its unit, which stands beside."""
+    return spell_bound(value, unit).rsplit(" ", 1)[0]
 
 
 def _gap(result: RunResult) -> str:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from omniservo.reporting.metric_meanings import spell_contacts, spell_metric
-from omniservo.reporting.spelling import spell
+from omniservo.reporting.metric_meanings import meaning_of, spell_contacts, spell_metric
+from omniservo.reporting.spelling import spell, spell_bound
 
 _STAGES = ("estimation", "planning")
 
@@ -19,12 +19,12 @@ def run_summary(metrics: Mapping[str, Any]) -> Iterator[str]:
     if metrics["clearance_executed_m"] is not None:
         asked = f" ({_of(metrics, 'clearance_asked_m')} required)" if metrics["clearance_asked_m"] else ""
         yield (
-            f"camera to obstacles   {_of(metrics, 'clearance_planned_m')} {_planned(metrics)}, "
+            f"camera to obstacles   {_planned(metrics, 'clearance_planned_m')}, "
             f"{_of(metrics, 'clearance_executed_m')} executed{asked}"
         )
     yield from _links(metrics)
     yield (
-        f"points in view by     {_of(metrics, 'visibility_planned_px')} {_planned(metrics)}, "
+        f"points in view by     {_planned(metrics, 'visibility_planned_px')}, "
         f"{_of(metrics, 'visibility_executed_px')} executed"
     )
     if metrics.get("looks"):
@@ -73,8 +73,10 @@ def _times(metrics: Mapping[str, Any]) -> str:
     return f"{', '.join(told)}{loading}; the motion took {_of(metrics, 'servo_seconds')}"
 
 
-def _planned(metrics: Mapping[str, Any]) -> str:
-    return "certified" if metrics["plan_status"] == "certified" else "planned"
+def _planned(metrics: Mapping[str, Any], name: str) -> str:
+    if metrics["plan_status"] == "certified":
+        return f"{spell_bound(metrics[name], meaning_of(name).unit)} certified"
+    return f"{_of(metrics, name)} planned"
 
 
 def _of(metrics: Mapping[str, Any], name: str) -> str:
