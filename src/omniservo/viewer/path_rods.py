@@ -6,8 +6,10 @@ from typing import Any
 
 import numpy as np
 import trimesh
+from scipy.spatial.transform import Rotation
 
 from omniservo.geometry.arrays import FloatArray
+from omniservo.viewer.lit_triangles import lit_triangles
 
 Colour = tuple[int, int, int]
 
@@ -62,13 +64,8 @@ class PathRods:
         shape.apply_translation([0.0, 0.0, -shape.bounds.mean(axis=0)[2]])
         for colour, name in self._names.items():
             self._groups[colour] = self._scene.add_frame(name, show_axes=False, visible=False)
-            self._rods[colour] = [
-                self._scene.add_mesh_simple(
-                    f"{name}/{k}", shape.vertices, shape.faces, color=colour, cast_shadow=False,
-                    receive_shadow=False,
-                )
-                for k in range(_RODS)
-            ]  # fmt: skip
+            file = lit_triangles([(shape, colour)], Rotation.identity())
+            self._rods[colour] = [self._scene.add_glb(f"{name}/{k}", file) for k in range(_RODS)]
 
 
 def _turns_to(directions: FloatArray) -> FloatArray:

@@ -90,8 +90,6 @@ class SceneNodes:
         )
         self._start = self._end_handle("start", _START, situation.world_T_initial)
         self._goal = self._end_handle("goal", _GOAL, situation.world_T_goal)
-        # for the rods alone: they show their colour
-        server.scene.add_light_ambient("/light", intensity=np.pi)
         self._path = PathRods(server.scene, "/path", 0.006 * self._size, (CERTIFIED, VIOLATED, SEARCHING))
         self._camera_frame = server.scene.add_frame("/camera", show_axes=False)
         self._worst = server.scene.add_line_segments("/worst", np.zeros((1, 2, 3)), VIOLATED, **_pixels(4.0))
@@ -236,8 +234,8 @@ class SceneNodes:
             1.2,
             1.4,
             scale=0.09 * self._size,
-            thickness=0.008 * self._size,
             color=colour,
+            **_pixels(2.0),
         )
         self._server.scene.add_label(f"{node}/label", name, anchor="top-center")
         handle.on_update(self._on_drag)

@@ -53,8 +53,6 @@ def to_unified(model: CentralModel, *, largest_px: float | None = None) -> Conve
     Raises:
         InputError: the largest residual exceeds ``largest_px`` [px], None: any will do; the message names it.
     """
-    if isinstance(model, UnifiedCamera):
-        return Conversion(model, exact(model), model.warnings)
     if largest_px is None:
         return _nearest(model)
     bound, conversion = finite_number("largest_px", largest_px, minimum=0.0), _nearest(model)
