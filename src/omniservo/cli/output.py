@@ -23,21 +23,16 @@ WRONG_INPUT = 2
 INTERRUPTED = 130
 """by Ctrl-C"""
 
-JsonOption = Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")]
-QuietOption = Annotated[bool, typer.Option("--quiet", help="Nothing on standard output.")]
 ForceOption = Annotated[bool, typer.Option("--force", help="Replace an existing file or folder.")]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of everything random.")]
-CameraNameOption = Annotated[
-    str | None, typer.Option("--camera-name", help="Which camera of a calibration file with several.")
-]
 
 
 @dataclass(frozen=True)
 class Output:
     """Where a command's words go."""
 
-    as_json: bool
-    quiet: bool
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False
+    quiet: Annotated[bool, typer.Option("--quiet", help="Nothing on standard output.")] = False
 
     def line(self, text: str) -> None:
         """Print a line for a person; nothing under --json and --quiet."""

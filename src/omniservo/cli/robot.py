@@ -11,9 +11,10 @@ import typer
 
 from omniservo.cli.completion import arm_names
 from omniservo.cli.expand import expand
+from omniservo.cli.grouped import grouped
 from omniservo.cli.hand_eye import calibrate_hand_eye
 from omniservo.cli.measure_tube import measure_tube
-from omniservo.cli.output import JsonOption, Output, QuietOption
+from omniservo.cli.output import Output
 from omniservo.cli.robot_live import check, delay
 from omniservo.cli.robot_options import PackageOption, packages_of
 from omniservo.errors import InputError
@@ -33,22 +34,22 @@ app.command("delay")(delay)
 
 
 @app.command("show")
+@grouped
 def show(
     robot: Annotated[
         str,
         typer.Argument(help="An MJCF or URDF file, or a shipped arm's name.", autocompletion=arm_names),
     ],
+    *,
     flange: Annotated[
         str | None, typer.Option("--flange", help="The site or link that carries the camera.")
     ] = None,
     tool: Annotated[str | None, typer.Option("--tool", hidden=True)] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Draw the arm into this folder.")] = None,
     package: PackageOption = None,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
+    output: Output,
 ) -> None:
     """Print an arm: joints, reach, links, suggested start configuration and mount, what was left out."""
-    output = Output(as_json, quiet)
     if tool is not None:
         output.line(f"{'notice':<14} --tool is called --flange now")
     with output.working("loading") as progress:
