@@ -12,14 +12,13 @@ from omniservo.cli.calibrate import calibrate
 from omniservo.cli.camera_options import LARGEST_PX, CameraArgument, LargestOption, LensOptions
 from omniservo.cli.check import check
 from omniservo.cli.grouped import grouped
-from omniservo.cli.output import ForceOption, Output
+from omniservo.cli.output import ForceOption, Output, made_folder
 from omniservo.cli.rectify import rectify
 from omniservo.errors import InputError, spelled
 from omniservo.files import writable
 
 if TYPE_CHECKING:
     from omniservo.camera_files.mask_image import MaskCover
-    from omniservo.cameras import UnifiedCamera
     from omniservo.cameras.conversion import Conversion, Residual
     from omniservo.cameras.models import CentralModel
 
@@ -77,7 +76,10 @@ def show(
         result |= _as_unified(shown, conversion, output)
     if out is not None:
         with output.working("drawing"):
-            drawn = _draw(shown, unified, out)
+            from omniservo.reporting.camera_field import draw_field
+            from omniservo.reporting.figure_files import write_drawings
+
+            drawn = write_drawings(draw_field(shown, unified), made_folder(out))
         for path in drawn:
             output.written(path)
     output.result(result, "camera-show")
@@ -105,17 +107,6 @@ def _as_unified(shown: CentralModel, conversion: Conversion, output: Output) -> 
         "limits": list(limits.names),
         "polygon_shortfall": shortfall,
     }
-
-
-def _draw(shown: CentralModel, unified: UnifiedCamera | None, folder: Path) -> list[Path]:
-    from omniservo.reporting.camera_field import draw_field
-    from omniservo.reporting.figure_files import write_drawings
-
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"--out: {folder}: {error.strerror or error}") from None
-    return write_drawings(draw_field(shown, unified), folder)
 
 
 @app.command("convert")

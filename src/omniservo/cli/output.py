@@ -13,6 +13,7 @@ import typer
 from rich.console import Console
 
 from omniservo.cli.progress import DOING, Progress
+from omniservo.errors import InputError
 
 DONE = 0
 """the job is done"""
@@ -66,6 +67,19 @@ class Output:
 def with_unit(value: float, unit: str) -> str:
     """Return a signed number with its unit; a number that has none has no "1" behind it."""
     return f"{value:+.6g}" if unit == "1" else f"{value:+.6g} {unit}"
+
+
+def made_folder(folder: Path) -> Path:
+    """Return the folder that ``--out`` names, made where it is not there.
+
+    Raises:
+        InputError: it cannot be.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"--out: {folder}: {error.strerror or error}") from None
+    return folder
 
 
 def answer_is_no(reason: str, next_step: str = "") -> typer.Exit:

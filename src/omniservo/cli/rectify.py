@@ -17,7 +17,12 @@ from omniservo.files import writable
 if TYPE_CHECKING:
     from omniservo.cameras.rectify import ViewCamera
 
-_SIZES = {"tangent": (960, 720), "cylindrical": (1440, 720), "equirectangular": (1440, 720)}
+_SIZES = {
+    "perspective": (960, 720),
+    "tangent": (960, 720),
+    "cylindrical": (1440, 720),
+    "equirectangular": (1440, 720),
+}
 
 
 @grouped
@@ -27,9 +32,12 @@ def rectify(
     out: Annotated[Path, typer.Argument(help="Where to write (PNG).")],
     *,
     view: Annotated[
-        Literal["tangent", "cylindrical", "equirectangular"],
-        typer.Option("--view", help="tangent: straight lines are straight; cylindrical: upright ones are."),
-    ] = "tangent",
+        Literal["perspective", "cylindrical", "equirectangular", "tangent"],
+        typer.Option(
+            "--view",
+            help="perspective (or tangent): straight lines are straight; cylindrical: upright ones are.",
+        ),
+    ] = "perspective",
     direction: Annotated[
         str, typer.Option("--direction", help="Where it looks, camera frame: x,y,z with z ahead, y down.")
     ] = "0,0,1",
@@ -38,7 +46,7 @@ def rectify(
     ] = None,
     field_of_view: Annotated[
         float | None,
-        typer.Option("--field-of-view", help="Horizontal, degrees; tangent 90, cylindrical 180."),
+        typer.Option("--field-of-view", help="Horizontal, degrees; perspective 90, cylindrical 180."),
     ] = None,
     view_size: Annotated[str | None, typer.Option("--view-size", help="WIDTHxHEIGHT, in px.")] = None,
     file: CameraFile,
@@ -69,7 +77,7 @@ def rectify(
 def _view(view: str, field_of_view: float | None, size: tuple[int, int]) -> ViewCamera:
     from omniservo.cameras.rectify import cylindrical_view, equirectangular_view, perspective_view
 
-    if view == "tangent":
+    if view in ("perspective", "tangent"):
         return perspective_view(math.radians(90.0 if field_of_view is None else field_of_view), size)
     if view == "cylindrical":
         return cylindrical_view(math.radians(180.0 if field_of_view is None else field_of_view), size)

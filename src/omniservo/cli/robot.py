@@ -14,10 +14,9 @@ from omniservo.cli.expand import expand
 from omniservo.cli.grouped import grouped
 from omniservo.cli.hand_eye import calibrate_hand_eye
 from omniservo.cli.measure_tube import measure_tube
-from omniservo.cli.output import Output
+from omniservo.cli.output import Output, made_folder
 from omniservo.cli.robot_live import check, delay
 from omniservo.cli.robot_options import PackageOption, packages_of
-from omniservo.errors import InputError
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform
@@ -78,7 +77,10 @@ def show(
         output.line(f"{'notice':<14} {notice}")
     if out is not None:
         with output.working("drawing"):
-            drawn = _draw(arm, posture, out)
+            from omniservo.reporting.arm_figure import draw_arm
+            from omniservo.reporting.figure_files import write_drawings
+
+            drawn = write_drawings(draw_arm(arm, posture), made_folder(out))
         for path in drawn:
             output.written(path)
     output.result(_fields(arm, posture, mount, table), "robot-show")
@@ -173,14 +175,3 @@ def _spelled_link(link: Link, wide: int) -> str:
     counts = Counter(shape.kind for shape in link.shapes)
     made_of = ", ".join(f"{kind} × {count}" for kind, count in counts.items()) or "a frame"
     return f"{link.name:<{wide}} {'on ' + link.joint if link.joint else 'fixed':<{wide + 3}} {made_of}"
-
-
-def _draw(arm: Arm, posture: FloatArray, folder: Path) -> list[Path]:
-    from omniservo.reporting.arm_figure import draw_arm
-    from omniservo.reporting.figure_files import write_drawings
-
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"--out: {folder}: {error.strerror or error}") from None
-    return write_drawings(draw_arm(arm, posture), folder)
