@@ -50,6 +50,15 @@ def test_view_is_written(picture, tmp_path, capsys, options, size, middle):
     assert 0.3 < said["seen"] <= 1.0
 
 
+def test_perspective_has_the_name_of_before_too(picture, tmp_path):
+    views = []
+    for name in ("perspective", "tangent"):
+        out = tmp_path / f"{name}.png"
+        done(["camera", "rectify", "fe185", str(picture), str(out), "--view", name, "--view-size", "60x40"])
+        views.append(out.read_bytes())
+    assert views[0] == views[1]
+
+
 def test_columns_of_the_cylinder_are_meridians(picture, tmp_path):
     out = tmp_path / "view.png"
     options = ["--view", "cylindrical", "--view-size", "180x90", "--field-of-view", "120", "--quiet"]

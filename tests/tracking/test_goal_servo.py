@@ -55,6 +55,8 @@ def test_the_camera_arrives_where_the_goal_image_was_taken():
     assert np.linalg.norm(gap.translation) < 1e-5
     assert gap.rotation.magnitude() < 1e-5
     assert np.isnan(controller.report.w)
+    with pytest.warns(DeprecationWarning, match="GoalServoReport.matrix is called pose_matrix now"):
+        assert controller.report.matrix is controller.report.pose_matrix
 
 
 @pytest.mark.parametrize("name", SERVO_METHODS)

@@ -8,14 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from omniservo.cli.live_views import (
-    LiveSourceOption,
-    SaveOption,
-    SecondsOption,
-    folder_of_images,
-    take_images,
-)
-from omniservo.cli.output import ForceOption, JsonOption, Output, QuietOption
+from omniservo.cli.grouped import grouped
+from omniservo.cli.live_views import LiveImages, LiveSourceOption, take_images
+from omniservo.cli.output import ForceOption, Output
 from omniservo.errors import NoSolutionError
 from omniservo.files import writable
 
@@ -26,11 +21,13 @@ if TYPE_CHECKING:
 _BOARD = "checkerboard:8x6:0.042 (inner corners, square in m), charuco:…, aprilgrid:…, circles:…"
 
 
+@grouped
 def calibrate(
-    board: Annotated[str, typer.Option("--board", help=_BOARD)],
     images: Annotated[
         list[Path] | None, typer.Argument(help="Images of the board, all of one size; or --camera-source.")
     ] = None,
+    *,
+    board: Annotated[str, typer.Option("--board", help=_BOARD)],
     out: Annotated[Path | None, typer.Option("--out", help="Write the camera here.")] = None,
     report: Annotated[Path | None, typer.Option("--report", help="Write a report here (HTML).")] = None,
     distortion: Annotated[
@@ -41,18 +38,15 @@ def calibrate(
         bool | None, typer.Option("--mirror/--no-mirror", help="The camera looks into a mirror.")
     ] = None,
     camera_source: LiveSourceOption = None,
-    save: SaveOption = None,
-    seconds: SecondsOption = None,
+    live: LiveImages,
     force: ForceOption = False,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
+    output: Output,
 ) -> None:
     """Calibrate a camera from images of a board: files, or taken live while the board is held before it."""
     for path in (out, report):
         if path is not None:
             writable(path, force=force)
-    output = Output(as_json, quiet)
-    folder = folder_of_images(images, camera_source, save, out)
+    folder = live.folder_for(images, camera_source, out)
     with output.working("loading"):
         from omniservo.calibration import board_from_text, calibrate_images
         from omniservo.camera_files import save_camera
@@ -61,7 +55,7 @@ def calibrate(
         target = board_from_text(board)
     files = images or []
     if folder is not None and camera_source is not None:
-        files = take_images(camera_source, target, folder, output, seconds=seconds, force=force)
+        files = take_images(camera_source, target, folder, output, seconds=live.seconds, force=force)
     with output.working("looking for the board") as say:
         result = calibrate_images(files, target, distortion=distortion, mirrored=mirror, progress=say)
     if report is not None:

@@ -9,25 +9,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from omniservo.cli.calibrate import calibrate
-from omniservo.cli.camera_options import (
-    LARGEST_PX,
-    CameraArgument,
-    CameraErrorOption,
-    LargestOption,
-    MaxAngleOption,
-    ModelOption,
-    SizeOption,
-    open_model,
-)
+from omniservo.cli.camera_options import LARGEST_PX, CameraArgument, LargestOption, LensOptions
 from omniservo.cli.check import check
-from omniservo.cli.output import CameraNameOption, ForceOption, JsonOption, Output, QuietOption
+from omniservo.cli.grouped import grouped
+from omniservo.cli.output import ForceOption, Output, made_folder
 from omniservo.cli.rectify import rectify
 from omniservo.errors import InputError, spelled
 from omniservo.files import writable
 
 if TYPE_CHECKING:
     from omniservo.camera_files.mask_image import MaskCover
-    from omniservo.cameras import UnifiedCamera
     from omniservo.cameras.conversion import Conversion, Residual
     from omniservo.cameras.models import CentralModel
 
@@ -44,27 +35,23 @@ _UNITS = {
 
 
 @app.command("show")
+@grouped
 def show(
     camera: CameraArgument,
-    camera_name: CameraNameOption = None,
-    size: SizeOption = None,
-    model: ModelOption = None,
-    max_angle: MaxAngleOption = None,
-    camera_error: CameraErrorOption = None,
+    *,
+    lens: LensOptions,
     out: Annotated[
         Path | None, typer.Option("--out", help="Draw its field and its pixels a degree into this folder.")
     ] = None,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
+    output: Output,
 ) -> None:
     """Print a camera: its parameters, its domain, and how well the unified model fits it."""
-    output = Output(as_json, quiet)
     with output.working("loading") as progress:
         from omniservo.cameras.calibration_covariance import sigmas_in_words
         from omniservo.cameras.conversion import to_unified
         from omniservo.reporting.camera_field import past_right_angle
 
-        shown = open_model(camera, camera_name, size, model, max_angle, camera_error)
+        shown = lens.opened(camera)
         progress("measuring its field of view")
         fields, behind = shown.to_dict(), past_right_angle(shown)
     for field, value in fields.items():
@@ -89,7 +76,10 @@ def show(
         result |= _as_unified(shown, conversion, output)
     if out is not None:
         with output.working("drawing"):
-            drawn = _draw(shown, unified, out)
+            from omniservo.reporting.camera_field import draw_field
+            from omniservo.reporting.figure_files import write_drawings
+
+            drawn = write_drawings(draw_field(shown, unified), made_folder(out))
         for path in drawn:
             output.written(path)
     output.result(result, "camera-show")
@@ -119,21 +109,12 @@ def _as_unified(shown: CentralModel, conversion: Conversion, output: Output) -> 
     }
 
 
-def _draw(shown: CentralModel, unified: UnifiedCamera | None, folder: Path) -> list[Path]:
-    from omniservo.reporting.camera_field import draw_field
-    from omniservo.reporting.figure_files import write_drawings
-
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"--out: {folder}: {error.strerror or error}") from None
-    return write_drawings(draw_field(shown, unified), folder)
-
-
 @app.command("convert")
+@grouped
 def convert(
     camera: CameraArgument,
     out: Annotated[Path, typer.Argument(help="Where to write.")],
+    *,
     to: Annotated[
         str,
         typer.Option(
@@ -141,11 +122,7 @@ def convert(
             help="Format: own, mei, camodocal, kalibr, opencv, ros, basalt, ocamcalib, boofcv, colmap, visp.",
         ),
     ],
-    camera_name: CameraNameOption = None,
-    size: SizeOption = None,
-    model: ModelOption = None,
-    max_angle: MaxAngleOption = None,
-    camera_error: CameraErrorOption = None,
+    lens: LensOptions,
     largest_px: LargestOption = None,
     mask: Annotated[
         Path | None,
@@ -154,11 +131,9 @@ def convert(
         ),
     ] = None,
     force: ForceOption = False,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
+    output: Output,
 ) -> None:
     """Convert a calibration file to another format, to the closest model that this holds."""
-    output = Output(as_json, quiet)
     writable(out, force=force)
     if mask is not None and to != "own":
         raise InputError(f"--mask: given with --to {spelled(to)}; legal: --to own")
@@ -167,7 +142,7 @@ def convert(
     with output.working("loading") as progress:
         from omniservo.camera_files import closest_model, save_camera
 
-        given = open_model(camera, camera_name, size, model, max_angle, camera_error)
+        given = lens.opened(camera)
         if mask is not None:
             progress("covering the mask's hidden pixels by polygons")
             given, cover = _masked(given, mask)

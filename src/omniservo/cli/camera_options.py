@@ -1,4 +1,4 @@
-"""How the camera commands are given a camera."""
+"""How commands are given a camera."""
 
 from __future__ import annotations
 
@@ -21,17 +21,13 @@ _LARGEST_ERROR_PX = 100.0
 CameraArgument = Annotated[
     str, typer.Argument(help="A calibration file or a preset's name.", autocompletion=camera_names)
 ]
-SizeOption = Annotated[
-    str | None, typer.Option("--size", help="Image size WIDTHxHEIGHT, for a file that does not say it.")
+CameraOption = Annotated[
+    str, typer.Option("--camera", help="A calibration file or a preset's name.", autocompletion=camera_names)
 ]
-ModelOption = Annotated[
+TaskCameraOption = Annotated[
     str | None,
-    typer.Option(
-        "--model", help="pinhole or fisheye, for an OpenCV file whose four numbers may be either's."
-    ),
+    typer.Option("--camera", help="Replaces the task's camera.", autocompletion=camera_names),
 ]
-
-
 MaxAngleOption = Annotated[
     float | None,
     typer.Option(
@@ -44,88 +40,95 @@ LargestOption = Annotated[
 ]
 
 
-CameraErrorOption = Annotated[
-    float | None,
-    typer.Option(
-        "--camera-error",
-        help="How far the camera's model is off, in px (1 sigma, alike over regions); else as its file says.",
-    ),
-]
+@dataclass(frozen=True)
+class CameraFile:
+    """What a calibration file leaves open."""
 
+    camera_name: Annotated[
+        str | None, typer.Option("--camera-name", help="Which camera of a calibration file with several.")
+    ] = None
+    size: Annotated[
+        str | None, typer.Option("--size", help="Image size WIDTHxHEIGHT, for a file that does not say it.")
+    ] = None
+    model: Annotated[
+        str | None,
+        typer.Option(
+            "--model", help="pinhole or fisheye, for an OpenCV file whose four numbers may be either's."
+        ),
+    ] = None
 
-def open_model(
-    camera: str,
-    name: str | None,
-    size: str | None,
-    model: str | None,
-    max_angle: float | None = None,
-    camera_error: float | None = None,
-) -> CentralModel:
-    """Return a preset, or the camera of a file as it stands there."""
-    from omniservo.camera_files import named_model
+    def open(
+        self, camera: str, max_angle: float | None = None, camera_error: float | None = None
+    ) -> CentralModel:
+        """Return a preset, or the camera of a file as it stands there.
 
-    stated = None if size is None else size_from_text("--size", size)
-    return named_model(
-        camera, name=name, size=stated, model=model, max_angle=_radians(max_angle),
-        camera_error=_checked_error(camera_error),
-    )  # fmt: skip
+        Args:
+            camera: the preset's or the file's name.
+            max_angle: ``--max-angle`` [deg].
+            camera_error: ``--camera-error`` [px].
+
+        Raises:
+            InputError: no such camera, or an option out of its range.
+        """
+        from omniservo.camera_files import named_model
+
+        if max_angle is not None and not 0.0 < max_angle <= _HALF_TURN:
+            raise InputError(f"--max-angle: {max_angle:g} given; legal: > 0, <= {_HALF_TURN:g} (degrees)")
+        if camera_error is not None and not 0.0 <= camera_error <= _LARGEST_ERROR_PX:
+            raise InputError(
+                f"--camera-error: {camera_error:g} given; legal: 0 to {_LARGEST_ERROR_PX:g} (px)"
+            )
+        return named_model(
+            camera,
+            name=self.camera_name,
+            size=None if self.size is None else size_from_text("--size", self.size),
+            model=self.model,
+            max_angle=None if max_angle is None else math.radians(max_angle),
+            camera_error=camera_error,
+        )
 
 
 @dataclass(frozen=True)
-class CameraOptions:
-    """Which camera a command is given, in the words of its options."""
+class LensOptions(CameraFile):
+    """`CameraFile`, and what the lens is said to be."""
 
-    camera: str | None
-    name: str | None = None
-    size: str | None = None
-    model: str | None = None
-    max_angle: float | None = None
-    largest_px: float | None = None
-    camera_error: float | None = None
+    max_angle: MaxAngleOption = None
+    camera_error: Annotated[
+        float | None,
+        typer.Option(
+            "--camera-error",
+            help="How far the camera's model is off, in px (1 sigma, alike over regions); "
+            "else as its file says.",
+        ),
+    ] = None
 
-    def opened(self) -> CentralModel | None:
-        """Return the camera of a preset or a file as it stands there, or None where none is named.
+    def opened(self, camera: str) -> CentralModel:
+        """Return `CameraFile.open` with what the options say."""
+        return self.open(camera, self.max_angle, self.camera_error)
+
+    def opened_if_named(self, camera: str | None, largest_px: float | None = None) -> CentralModel | None:
+        """Return `opened`, or None where no camera is named.
 
         Raises:
             InputError: no such camera, options without a camera, or its unified form, with which paths are
-                planned, is farther away than ``--largest-px``.
+                planned, is farther away than ``largest_px``, that is ``--largest-px``.
         """
-        if self.camera is not None:
-            return self.opened_from(self.camera)
-        options = {
-            "--camera-name": self.name, "--size": self.size, "--model": self.model,
-            "--max-angle": self.max_angle, "--largest-px": self.largest_px,
-            "--camera-error": self.camera_error,
-        }  # fmt: skip
-        given = [option for option, value in options.items() if value is not None]
-        if given:
-            raise InputError(f"{given[0]}: given without --camera")
-        return None
-
-    def opened_from(self, camera: str) -> CentralModel:
-        """Return the camera that a preset's or a file's name stands for."""
-        found = open_model(camera, self.name, self.size, self.model, self.max_angle, self.camera_error)
-        if self.largest_px is not None:
+        if camera is None:
+            given = {
+                "--camera-name": self.camera_name, "--size": self.size, "--model": self.model,
+                "--max-angle": self.max_angle, "--largest-px": largest_px,
+                "--camera-error": self.camera_error,
+            }  # fmt: skip
+            for option, value in given.items():
+                if value is not None:
+                    raise InputError(f"{option}: given without --camera")
+            return None
+        found = self.opened(camera)
+        if largest_px is not None:
             from omniservo.camera_files.camera_files import as_unified
 
-            as_unified(found, camera, self.largest_px)
+            as_unified(found, camera, largest_px)
         return found
-
-
-def _checked_error(camera_error: float | None) -> float | None:
-    """Return ``--camera-error`` [px]."""
-    if camera_error is not None and not 0.0 <= camera_error <= _LARGEST_ERROR_PX:
-        raise InputError(f"--camera-error: {camera_error:g} given; legal: 0 to {_LARGEST_ERROR_PX:g} (px)")
-    return camera_error
-
-
-def _radians(max_angle: float | None) -> float | None:
-    """Return ``--max-angle`` [rad]."""
-    if max_angle is None:
-        return None
-    if not 0.0 < max_angle <= _HALF_TURN:
-        raise InputError(f"--max-angle: {max_angle:g} given; legal: > 0, <= {_HALF_TURN:g} (degrees)")
-    return math.radians(max_angle)
 
 
 def size_from_text(option: str, text: str) -> tuple[int, int]:

@@ -8,40 +8,37 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from omniservo.cli.camera_options import CameraOptions, LargestOption, MaxAngleOption, ModelOption, SizeOption
-from omniservo.cli.completion import camera_names
-from omniservo.cli.output import CameraNameOption, JsonOption, Output, QuietOption, answer_is_no
+from omniservo.cli.camera_options import CameraFile, CameraOption, LargestOption, MaxAngleOption
+from omniservo.cli.grouped import grouped
+from omniservo.cli.output import Output, answer_is_no
 from omniservo.files import require_file
 
 if TYPE_CHECKING:
     from omniservo.calibration import CameraCheck
 
 
+@grouped
 def check(
     reference: Annotated[Path, typer.Argument(help="An image from when the camera stood right.")],
     now: Annotated[Path, typer.Argument(help="An image of now, of the same size.")],
-    camera: Annotated[
-        str,
-        typer.Option("--camera", help="A calibration file or a preset's name.", autocompletion=camera_names),
-    ],
-    camera_name: CameraNameOption = None,
-    size: SizeOption = None,
-    model: ModelOption = None,
+    *,
+    camera: CameraOption,
+    file: CameraFile,
     max_angle: MaxAngleOption = None,
     largest_px: LargestOption = None,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
+    output: Output,
 ) -> None:
     """Tell whether a camera that watches a scene was moved: exit 0 if not, 1 if it was or is unknown."""
-    output = Output(as_json, quiet)
     for path in (reference, now):
         require_file(path)
     with output.working("loading") as progress:
         from omniservo.calibration import check_camera
+        from omniservo.camera_files.camera_files import as_unified
         from omniservo.files.image_files import read_grey_image
 
-        asked = CameraOptions(camera, camera_name, size, model, max_angle, largest_px)
-        opened = asked.opened_from(camera)
+        opened = file.open(camera, max_angle)
+        if largest_px is not None:
+            as_unified(opened, camera, largest_px)
         images = [read_grey_image(path) for path in (reference, now)]
         progress("finding the reference again")
         found = check_camera(opened, *images)

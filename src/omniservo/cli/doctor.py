@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import asdict
 
-from omniservo.cli.output import JsonOption, Output, QuietOption, answer_is_no
+from omniservo.cli.grouped import grouped
+from omniservo.cli.output import Output, answer_is_no
 
 
-def doctor(as_json: JsonOption = False, quiet: QuietOption = False) -> None:
+@grouped
+def doctor(output: Output) -> None:
     """Check what of this machine matters, and say what to do next: exit 0 where all is well, else 1."""
-    output = Output(as_json, quiet)
     with output.working("checking this machine"):
         from omniservo.cli.machine_checks import machine_checks
 

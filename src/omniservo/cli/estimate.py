@@ -4,38 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from omniservo.cli.camera_options import (
-    CameraErrorOption,
-    CameraOptions,
-    LargestOption,
-    MaxAngleOption,
-    ModelOption,
-    SizeOption,
-)
+from omniservo.cli.camera_options import LargestOption, LensOptions
 from omniservo.cli.completion import camera_names, task_names
-from omniservo.cli.estimate_views import (
-    EdgeOption,
-    LengthOption,
-    Lengths,
-    MountOption,
-    PosesOption,
-    estimate_views_of,
-)
-from omniservo.cli.output import (
-    CameraNameOption,
-    ForceOption,
-    JsonOption,
-    Output,
-    QuietOption,
-    SeedOption,
-    answer_is_no,
-)
-from omniservo.cli.robot_options import AllowOutsideOption, PackageOption, packages_of
+from omniservo.cli.estimate_views import Features, Lengths, estimate_views_of
+from omniservo.cli.grouped import grouped
+from omniservo.cli.output import ForceOption, Output, SeedOption, answer_is_no
+from omniservo.cli.robot_options import TaskOptions
 from omniservo.errors import InputError
 from omniservo.files import require_file, writable
 from omniservo.shipped_tasks import task_file
@@ -55,12 +35,6 @@ WhatArgument = Annotated[
         autocompletion=task_names,
     ),
 ]
-FeaturesOption = Annotated[
-    Literal["dots", "tags", "natural"], typer.Option("--features", help="What to look for in the images.")
-]
-DictionaryOption = Annotated[
-    str | None, typer.Option("--dictionary", help="Of the tags, as tag36h11, 4x4_50 or tagStandard41h12.")
-]
 CameraOption = Annotated[
     str | None,
     typer.Option(
@@ -68,12 +42,6 @@ CameraOption = Annotated[
         help="Calibration of the two images, or replaces the task's.",
         autocompletion=camera_names,
     ),
-]
-TargetOption = Annotated[
-    Path | None, typer.Option("--target", help="Target file: tags of known size and place.")
-]
-DisplacementOption = Annotated[
-    float | None, typer.Option("--displacement", help="Between the two camera centres, in metres.")
 ]
 _NEEDED = "estimate: give a TASK alone, or --camera, --initial and --goal, or --camera and IMAGE IMAGE …"
 
@@ -83,78 +51,83 @@ _FAR = 20.0
 """A camera that moved farther than this [m] was probably stated in mm."""
 
 
-def estimate(
-    what: WhatArgument = None,
-    camera: CameraOption = None,
-    camera_name: CameraNameOption = None,
-    size: SizeOption = None,
-    model: ModelOption = None,
-    max_angle: MaxAngleOption = None,
-    largest_px: LargestOption = None,
-    camera_error: CameraErrorOption = None,
-    initial: Annotated[Path | None, typer.Option("--initial", help="The initial image.")] = None,
-    goal: Annotated[Path | None, typer.Option("--goal", help="The goal image.")] = None,
-    features: FeaturesOption = "dots",
-    dictionary: DictionaryOption = None,
-    target: TargetOption = None,
-    displacement: DisplacementOption = None,
-    length: LengthOption = None,
-    tag_edge: EdgeOption = None,
-    poses: PosesOption = None,
-    mount: MountOption = None,
-    planar: Annotated[bool, typer.Option("--planar", help="The target is a plane.")] = False,
-    report: Annotated[Path | None, typer.Option("--report", help="Write an HTML report here.")] = None,
-    out: Annotated[Path | None, typer.Option("--out", help="Write the estimate here (JSON).")] = None,
-    package: PackageOption = None,
-    allow_outside: AllowOutsideOption = False,
-    seed: SeedOption = 0,
-    force: ForceOption = False,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
-) -> None:
-    """Estimate the camera's motion and the target's structure from two images, or from more."""
-    output = Output(as_json, quiet)
-    for path in filter(None, (out, report)):
-        writable(path, force=force)
-    asked = CameraOptions(camera, camera_name, size, model, max_angle, largest_px, camera_error)
-    lengths = Lengths(length, tag_edge, poses, mount)
-    _say_far(output, displacement)
-    if what and len(what) > 1 and (len(what) > TWO or lengths.any):
-        if planar or report is not None or initial is not None or goal is not None:
-            raise InputError("estimate: --initial, --goal, --planar and --report are for two images")
-        scale = lengths.scale(displacement, target)
-        estimate_views_of(output, asked.opened(), what, (features, dictionary), scale, out, force)
-        return
-    task, pair = _task_or_pair(what, (initial, goal), lengths)
-    kind = _Kind(features, dictionary, target, displacement, planar)
-    _check_files(task, camera, *pair)
-    found = _estimated(output, asked, task, pair, kind, (package, allow_outside, seed))
-    if report is not None:
-        with output.working("writing the report"):
-            from omniservo.reporting import write_estimate_report
-
-            write_estimate_report(found.seen, found.estimate, report, force=force)
-        output.written(report)
-    if out is not None:
-        found.estimate.save(out, force=force)
-        output.written(out)
-    _say(output, found.estimate, "" if report else "--report FILE.html shows the matches")
-
-
-class _Kind(NamedTuple):
+@dataclass(frozen=True)
+class _Kind:
     """What is said of two images."""
 
-    features: Literal["dots", "tags", "natural"]
-    dictionary: str | None
-    target: Path | None
-    displacement: float | None
-    planar: bool
+    features: Annotated[Features, typer.Option("--features", help="What to look for in the images.")] = "dots"
+    dictionary: Annotated[
+        str | None,
+        typer.Option("--dictionary", help="Of the tags, as tag36h11, 4x4_50 or tagStandard41h12."),
+    ] = None
+    target: Annotated[
+        Path | None, typer.Option("--target", help="Target file: tags of known size and place.")
+    ] = None
+    displacement: Annotated[
+        float | None, typer.Option("--displacement", help="Between the two camera centres, in metres.")
+    ] = None
+    planar: Annotated[bool, typer.Option("--planar", help="The target is a plane.")] = False
 
-    @property
-    def is_said(self) -> bool:
-        """Whether anything is."""
-        rest = (self.dictionary, self.target, self.displacement)
-        return self.features != "dots" or any(x is not None for x in rest) or self.planar
+
+@dataclass(frozen=True)
+class _Results:
+    """What is written."""
+
+    report: Annotated[Path | None, typer.Option("--report", help="Write an HTML report here.")] = None
+    out: Annotated[Path | None, typer.Option("--out", help="Write the estimate here (JSON).")] = None
+    force: ForceOption = False
+
+    def __post_init__(self) -> None:
+        for path in filter(None, (self.out, self.report)):
+            writable(path, force=self.force)
+
+
+@grouped
+def estimate(
+    what: WhatArgument = None,
+    *,
+    camera: CameraOption = None,
+    lens: LensOptions,
+    largest_px: LargestOption = None,
+    initial: Annotated[Path | None, typer.Option("--initial", help="The initial image.")] = None,
+    goal: Annotated[Path | None, typer.Option("--goal", help="The goal image.")] = None,
+    kind: _Kind,
+    lengths: Lengths,
+    results: _Results,
+    files: TaskOptions,
+    seed: SeedOption = 0,
+    output: Output,
+) -> None:
+    """Estimate the camera's motion and the target's structure from two images, or from more."""
+    _say_far(output, kind.displacement)
+    if what and len(what) > 1 and (len(what) > TWO or lengths.any):
+        if kind.planar or results.report is not None or initial is not None or goal is not None:
+            raise InputError("estimate: --initial, --goal, --planar and --report are for two images")
+        scale = lengths.scale(kind.displacement, kind.target)
+        found = estimate_views_of(
+            lens.opened_if_named(camera, largest_px), what, (kind.features, kind.dictionary), scale, output
+        )
+        if results.out is not None:
+            found.two_view().save(results.out, force=results.force)
+            output.written(results.out, ": the motion from the first to the last image")
+        return
+    task, (first, second) = _task_or_pair(what, (initial, goal), lengths)
+    _check_files(task, camera, first, second)
+    with output.working("loading") as progress:
+        progress("estimating")
+        opened = lens.opened_if_named(camera, largest_px)
+        if task is not None and first is None and second is None and kind == _Kind():
+            from omniservo.runs import estimate_in_cell
+            from omniservo.simulation import SimulatedCell
+
+            seen = estimate_in_cell(files.load(task, opened), SimulatedCell, seed=seed)
+        elif task is None and opened is not None and first is not None and second is not None:
+            from omniservo.runs import estimate_images
+
+            seen = estimate_images(opened, first, second, **asdict(kind))
+        else:
+            raise InputError(_NEEDED)
+    _deliver(seen, results, output)
 
 
 _Pair = tuple[Path | None, Path | None]
@@ -171,30 +144,18 @@ def _task_or_pair(what: list[str] | None, pair: _Pair, lengths: Lengths) -> tupl
     return None, (Path(what[0]), Path(what[1]))
 
 
-def _estimated(
-    output: Output,
-    asked: CameraOptions,
-    task: str | None,
-    pair: _Pair,
-    kind: _Kind,
-    said: tuple[list[str] | None, bool, int],
-) -> EstimatedImages:
-    """Return what a task's own images, or two files, say; ``said``: packages, outside files, seed."""
-    initial, goal = pair
-    with output.working("loading") as progress:
-        from omniservo.runs import estimate_images, estimate_in_cell
-        from omniservo.simulation import SimulatedCell
-        from omniservo.tasks import load_task
+def _deliver(found: EstimatedImages, results: _Results, output: Output) -> None:
+    """Write what was found, and say it."""
+    if results.report is not None:
+        with output.working("writing the report"):
+            from omniservo.reporting import write_estimate_report
 
-        progress("estimating")
-        camera, (package, allow_outside, seed) = asked.opened(), said
-        if task is not None and pair == (None, None) and not kind.is_said:
-            known = packages_of(package)
-            loaded = load_task(task, camera=camera, packages=known, allow_outside=allow_outside)
-            return estimate_in_cell(loaded, SimulatedCell, seed=seed)
-        if task is None and camera is not None and initial is not None and goal is not None:
-            return estimate_images(camera, initial, goal, **kind._asdict())
-    raise InputError(_NEEDED)
+            write_estimate_report(found.seen, found.estimate, results.report, force=results.force)
+        output.written(results.report)
+    if results.out is not None:
+        found.estimate.save(results.out, force=results.force)
+        output.written(results.out)
+    _say(output, found.estimate, "" if results.report else "--report FILE.html shows the matches")
 
 
 def _check_files(task: str | None, camera: str | None, *images: Path | None) -> None:

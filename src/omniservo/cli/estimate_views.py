@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import astuple, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -17,39 +18,35 @@ if TYPE_CHECKING:
     from omniservo.cameras.models import CentralModel
     from omniservo.runs import EstimatedViews, ImageScale
 
-LengthOption = Annotated[
-    str | None,
-    typer.Option(
-        "--length",
-        help="I:J:METRES, between two dots (by number, as the first image shows them) or tag corners"
-        " (4 times the tag, plus the corner).",
-    ),
-]
-EdgeOption = Annotated[float | None, typer.Option("--tag-edge", help="Edge of every tag, in metres.")]
-PosesOption = Annotated[
-    str | None, typer.Option("--poses", help="The arm's poses, as calibrate-hand-eye takes them.")
-]
-MountOption = Annotated[
-    Path | None, typer.Option("--mount", help="What calibrate-hand-eye wrote; with --poses.")
-]
-
 Features = Literal["dots", "tags", "natural"]
 _TOLD = 3
 """further images of which is said what they would gain"""
 
 
-class Lengths(NamedTuple):
+@dataclass(frozen=True)
+class Lengths:
     """What only several images take."""
 
-    length: str | None
-    edge: float | None
-    poses: str | None
-    mount: Path | None
+    length: Annotated[
+        str | None,
+        typer.Option(
+            "--length",
+            help="I:J:METRES, between two dots (by number, as the first image shows them) or tag corners"
+            " (4 times the tag, plus the corner).",
+        ),
+    ] = None
+    tag_edge: Annotated[float | None, typer.Option("--tag-edge", help="Edge of every tag, in metres.")] = None
+    poses: Annotated[
+        str | None, typer.Option("--poses", help="The arm's poses, as calibrate-hand-eye takes them.")
+    ] = None
+    mount: Annotated[
+        Path | None, typer.Option("--mount", help="What calibrate-hand-eye wrote; with --poses.")
+    ] = None
 
     @property
     def any(self) -> bool:
         """Whether anything is given."""
-        return any(value is not None for value in self)
+        return any(value is not None for value in astuple(self))
 
     def scale(self, displacement: float | None, target: Path | None) -> ImageScale:
         """Return what is known of lengths.
@@ -67,19 +64,17 @@ class Lengths(NamedTuple):
             except ValueError:
                 words = f"length: {spelled(self.length)} given; legal: I:J:METRES, as 0:5:0.12"
                 raise InputError(words) from None
-        return ImageScale(displacement, between, self.edge, target, self.poses, self.mount)
+        return ImageScale(displacement, between, self.tag_edge, target, self.poses, self.mount)
 
 
 def estimate_views_of(
-    output: Output,
     camera: CentralModel | None,
     images: Sequence[str],
     kind: tuple[Features, str | None],
     scale: ImageScale,
-    out: Path | None,
-    force: bool,
-) -> None:
-    """Estimate, say what came of it, and write ``out``."""
+    output: Output,
+) -> EstimatedViews:
+    """Estimate, and say what came of it; ``kind``: the features, and the tags' dictionary."""
     if camera is None:
         raise InputError("camera: missing; images need --camera")
     for name in images:
@@ -98,9 +93,7 @@ def estimate_views_of(
         raise answer_is_no(f"motion and structure cannot be estimated: {estimate.status}: {estimate.message}")
     for line in _lines(found):
         output.line(line)
-    if out is not None:
-        found.two_view().save(out, force=force)
-        output.written(out, ": the motion from the first to the last image")
+    return found
 
 
 def _lines(found: EstimatedViews) -> Iterator[str]:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from omniservo.cli.output import JsonOption, Output, QuietOption
+from omniservo.cli.grouped import grouped
+from omniservo.cli.output import Output
 
 
-def examples(as_json: JsonOption = False, quiet: QuietOption = False) -> None:
+@grouped
+def examples(output: Output) -> None:
     """List the shipped tasks, one line each."""
     from omniservo.files import read_document
     from omniservo.shipped_tasks import shipped_tasks, task_file
 
-    output = Output(as_json, quiet)
     summaries = {name: read_document(task_file(name))["summary"] for name in shipped_tasks()}
     for name, summary in summaries.items():
         output.line(f"{name:<20} {summary}")

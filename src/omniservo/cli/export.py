@@ -7,20 +7,22 @@ from typing import Annotated, Literal
 
 import typer
 
-from omniservo.cli.output import ForceOption, JsonOption, Output, QuietOption
+from omniservo.cli.grouped import grouped
+from omniservo.cli.output import ForceOption, Output
 from omniservo.errors import AlreadyExists, InputError
 from omniservo.files import exists
 
 
+@grouped
 def export(
     run: Annotated[Path, typer.Argument(help="Folder that omniservo run has left.")],
+    *,
     to: Annotated[Literal["mcap"], typer.Option("--to", help="Format; ROS 2 messages in MCAP.")] = "mcap",
     out: Annotated[
         Path | None, typer.Option("--out", help="The file; default: the folder's name with .mcap, beside it.")
     ] = None,
     force: ForceOption = False,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
+    output: Output,
 ) -> None:
     """Write a finished run as a file that Foxglove and ROS 2 tools open.
 
@@ -32,7 +34,6 @@ def export(
     file = place.parent / f"{place.name}.{to}" if out is None else out
     if exists(file) and not force:
         raise AlreadyExists(file)
-    output = Output(as_json, quiet)
     with output.working("starting") as progress:
         progress("loading")
         from omniservo.runs import export_run

@@ -10,18 +10,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 import typer
 
-from omniservo.cli.camera_options import (
-    CameraErrorOption,
-    CameraOptions,
-    MaxAngleOption,
-    ModelOption,
-    SizeOption,
-)
+from omniservo.cli.camera_options import LensOptions
 from omniservo.cli.completion import camera_names
+from omniservo.cli.grouped import grouped
 from omniservo.cli.hand_eye_live import POSES, take_views
-from omniservo.cli.live_views import SaveOption, SecondsOption, live_folder
-from omniservo.cli.output import CameraNameOption, ForceOption, JsonOption, Output, QuietOption
-from omniservo.cli.robot_file import CameraSourceOption, DriverOption, OnRobot
+from omniservo.cli.live_views import LiveImages
+from omniservo.cli.output import ForceOption, Output
+from omniservo.cli.robot_file import RobotParts
 from omniservo.cli.robot_options import AllowOutsideOption
 from omniservo.errors import InputError, NoSolutionError
 from omniservo.files import writable
@@ -40,20 +35,18 @@ _POSES = "The robot's poses base_T_flange (YAML, JSON, CSV), or ViSP's files wit
 _ON = "A robot file (YAML): take the views live, while you move the arm by hand or pendant."
 
 
+@grouped
 def calibrate_hand_eye(
     images: Annotated[
         list[Path] | None, typer.Argument(help="One image at each pose of the robot; or --on.")
     ] = None,
+    *,
     poses: Annotated[str | None, typer.Option("--poses", help=_POSES)] = None,
     camera: Annotated[
         str | None,
         typer.Option("--camera", help="The camera's calibration, or a preset.", autocompletion=camera_names),
     ] = None,
-    camera_name: CameraNameOption = None,
-    size: SizeOption = None,
-    model: ModelOption = None,
-    max_angle: MaxAngleOption = None,
-    camera_error: CameraErrorOption = None,
+    lens: LensOptions,
     board: Annotated[str | None, typer.Option("--board", help=_BOARD)] = None,
     target: Annotated[
         Path | None, typer.Option("--target", help="Target file: tags of known size and place.")
@@ -61,14 +54,11 @@ def calibrate_hand_eye(
     out: Annotated[Path | None, typer.Option("--out", help="Write flange_T_camera here (JSON).")] = None,
     report: Annotated[Path | None, typer.Option("--report", help="Write a report here (HTML).")] = None,
     on: Annotated[Path | None, typer.Option("--on", help=_ON)] = None,
-    camera_source: CameraSourceOption = None,
-    driver: DriverOption = None,
+    parts: RobotParts,
     allow_outside: AllowOutsideOption = False,
-    save: SaveOption = None,
-    seconds: SecondsOption = None,
+    live: LiveImages,
     force: ForceOption = False,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
+    output: Output,
 ) -> None:
     """Eye-in-hand calibration: the camera's pose on the flange, from images of a fixed board.
 
@@ -77,21 +67,22 @@ def calibrate_hand_eye(
     for path in (out, report):
         if path is not None:
             writable(path, force=force)
-    output = Output(as_json, quiet)
     with output.working("loading"):
         from omniservo.calibration.hand_eye import calibrate_hand_eye_images, load_robot_poses
+        from omniservo.targets import Target
 
         looked_for = _looked_for(board, target)
-        lens = CameraOptions(camera, camera_name, size, model, max_angle, None, camera_error).opened()
-    robot = OnRobot(on, camera_source, driver, None, yes=False, allow_outside=allow_outside)
+        given = lens.opened_if_named(camera)
     if on is None:
-        robot.refuse_mixed()
-        files, opened, poses = _given(images, lens, poses, save)
+        parts.refuse()
+        files, opened, poses = _given(images, given, poses, live.save)
     else:
-        if images or poses or lens or target:
+        if images or poses or given or isinstance(looked_for, Target):
             raise InputError("--on: goes without images, --poses, --camera and --target; it has its own")
+        robot = parts.load(on, allow_outside=allow_outside)
+        folder, driver = live.folder(out), parts.driver
         opened, files = take_views(
-            robot, looked_for, live_folder(save, out), output, seconds=seconds, force=force
+            robot, driver, looked_for, folder, output, seconds=live.seconds, force=force
         )
         poses = str(files[0].parent / POSES)
     base_T_flange = load_robot_poses(poses).of_images(files)

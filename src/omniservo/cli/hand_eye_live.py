@@ -9,20 +9,25 @@ from typing import TYPE_CHECKING
 
 from omniservo.cli.live_views import watched, write_images
 from omniservo.cli.output import Output
-from omniservo.cli.robot_file import OnRobot, robot_of
-from omniservo.errors import InputError
 
 if TYPE_CHECKING:
     from omniservo.calibration.boards import Board
     from omniservo.cameras.models import CentralModel
-    from omniservo.targets import Target
+    from omniservo.tasks import RobotFile
 
 POSES = "poses.json"
 """beside the images: the flange's poses"""
 
 
 def take_views(
-    on: OnRobot, board: Board | Target, folder: Path, output: Output, *, seconds: float | None, force: bool
+    robot: RobotFile,
+    driver: str | None,
+    board: Board,
+    folder: Path,
+    output: Output,
+    *,
+    seconds: float | None,
+    force: bool,
 ) -> tuple[CentralModel, list[Path]]:
     """Watch a robot's camera and joints until nothing is missing or Ctrl-C; write images and poses.
 
@@ -39,15 +44,11 @@ def take_views(
     from omniservo.files import whole_folder, writable, write_whole
     from omniservo.runs.open_hardware import listen_to_arm, open_robot_camera
     from omniservo.runs.watch_camera import ArmViewsOfBoard
-    from omniservo.targets import Target
 
-    if on.file is None or isinstance(board, Target):
-        raise InputError("--on: a robot file and a board are needed")
     writable(folder, force=force)
-    robot = robot_of(on.file, on.camera_source, None, allow_outside=on.allow_outside)
     model = robot.loaded_arm()
     with output.working("connecting to arm and camera"):
-        arm = listen_to_arm(robot, model, on.driver)
+        arm = listen_to_arm(robot, model, driver)
     with closing(arm), closing(open_robot_camera(robot)) as camera:
         choice = ArmViewsOfBoard(arm, robot.camera.calibration, board)
         watch = watched(camera, choice, output, seconds, FEWEST_POSES)

@@ -7,6 +7,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing, contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Annotated, Self
@@ -31,43 +32,45 @@ LiveSourceOption = Annotated[
         help="Take images live: v4l2:0, rtsp://…, http://… (MJPEG), folder:PATH?rate=30, ros2:TOPIC.",
     ),
 ]
-SaveOption = Annotated[
-    Path | None,
-    typer.Option("--save", help="Folder for the live images that are kept; as a rule beside --out."),
-]
-SecondsOption = Annotated[
-    float | None, typer.Option("--seconds", min=0.0, help="Take live images for so long at most.")
-]
 
 
-def folder_of_images(
-    images: list[Path] | None, source: str | None, save: Path | None, out: Path | None
-) -> Path | None:
-    """Return the folder into which live images go; None: image files are given.
+@dataclass(frozen=True)
+class LiveImages:
+    """Where images go that are taken live, and how long they are taken."""
 
-    Raises:
-        InputError: both are given, neither, or no place for live images.
-    """
-    if bool(images) == (source is not None):
-        raise InputError("calibrate: give image files or --camera-source, one of them")
-    if source is None:
-        if save is not None:
-            raise InputError("--save: goes with --camera-source")
-        return None
-    return live_folder(save, out)
+    save: Annotated[
+        Path | None,
+        typer.Option("--save", help="Folder for the live images that are kept; as a rule beside --out."),
+    ] = None
+    seconds: Annotated[
+        float | None, typer.Option("--seconds", min=0.0, help="Take live images for so long at most.")
+    ] = None
 
+    def folder_for(self, images: list[Path] | None, source: str | None, out: Path | None) -> Path | None:
+        """Return the folder into which live images go; None: image files are given.
 
-def live_folder(save: Path | None, out: Path | None) -> Path:
-    """Return the folder for live images: ``--save``, or one beside the result.
+        Raises:
+            InputError: both are given, neither, or no place for live images.
+        """
+        if bool(images) == (source is not None):
+            raise InputError("calibrate: give image files or --camera-source, one of them")
+        if source is None:
+            if self.save is not None:
+                raise InputError("--save: goes with --camera-source")
+            return None
+        return self.folder(out)
 
-    Raises:
-        InputError: neither is given.
-    """
-    if save is not None:
-        return save
-    if out is None:
-        raise InputError("live images: give --out or --save, where those that are kept go, too")
-    return out.with_name(f"{out.stem}-images")
+    def folder(self, out: Path | None) -> Path:
+        """Return the folder for live images: ``--save``, or one beside the result.
+
+        Raises:
+            InputError: neither is given.
+        """
+        if self.save is not None:
+            return self.save
+        if out is None:
+            raise InputError("live images: give --out or --save, where those that are kept go, too")
+        return out.with_name(f"{out.stem}-images")
 
 
 def take_images(

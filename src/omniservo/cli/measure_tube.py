@@ -8,11 +8,13 @@ from typing import Annotated
 import typer
 
 from omniservo.cli.completion import task_names
-from omniservo.cli.output import ForceOption, JsonOption, Output, QuietOption
-from omniservo.cli.robot_options import AllowOutsideOption, PackageOption, packages_of
+from omniservo.cli.grouped import grouped
+from omniservo.cli.output import ForceOption, Output
+from omniservo.cli.robot_options import TaskOptions
 from omniservo.files import writable
 
 
+@grouped
 def measure_tube(
     task: Annotated[
         str,
@@ -21,22 +23,19 @@ def measure_tube(
         ),
     ],
     runs: Annotated[list[Path], typer.Argument(help="Folders of runs, or their log.csv.")],
+    *,
     out: Annotated[Path, typer.Option("--out", help="Write the tube here (JSON).")],
-    package: PackageOption = None,
-    allow_outside: AllowOutsideOption = False,
+    files: TaskOptions,
     force: ForceOption = False,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
+    output: Output,
 ) -> None:
     """Measure on an arm's own runs how far it deviates from its plans."""
-    output = Output(as_json, quiet)
     writable(out, force=force)
     logs = [path / "log.csv" if path.is_dir() else path for path in runs]
     with output.working("loading") as progress:
         from omniservo.runs.measure_tube import measure_tube as measured
-        from omniservo.tasks import load_task
 
-        loaded = load_task(task, packages=packages_of(package), allow_outside=allow_outside)
+        loaded = files.load(task)
         progress(f"comparing {len(logs)} runs with their plans")
         found = measured(loaded, logs)
     found.save(out, force=force)

@@ -13,6 +13,7 @@ import typer
 from rich.console import Console
 
 from omniservo.cli.progress import DOING, Progress
+from omniservo.errors import InputError
 
 DONE = 0
 """the job is done"""
@@ -23,21 +24,16 @@ WRONG_INPUT = 2
 INTERRUPTED = 130
 """by Ctrl-C"""
 
-JsonOption = Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")]
-QuietOption = Annotated[bool, typer.Option("--quiet", help="Nothing on standard output.")]
 ForceOption = Annotated[bool, typer.Option("--force", help="Replace an existing file or folder.")]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of everything random.")]
-CameraNameOption = Annotated[
-    str | None, typer.Option("--camera-name", help="Which camera of a calibration file with several.")
-]
 
 
 @dataclass(frozen=True)
 class Output:
     """Where a command's words go."""
 
-    as_json: bool
-    quiet: bool
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")] = False
+    quiet: Annotated[bool, typer.Option("--quiet", help="Nothing on standard output.")] = False
 
     def line(self, text: str) -> None:
         """Print a line for a person; nothing under --json and --quiet."""
@@ -71,6 +67,19 @@ class Output:
 def with_unit(value: float, unit: str) -> str:
     """Return a signed number with its unit; a number that has none has no "1" behind it."""
     return f"{value:+.6g}" if unit == "1" else f"{value:+.6g} {unit}"
+
+
+def made_folder(folder: Path) -> Path:
+    """Return the folder that ``--out`` names, made where it is not there.
+
+    Raises:
+        InputError: it cannot be.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"--out: {folder}: {error.strerror or error}") from None
+    return folder
 
 
 def answer_is_no(reason: str, next_step: str = "") -> typer.Exit:

@@ -8,31 +8,36 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from omniservo.cli.camera_options import (
-    CameraArgument,
-    ModelOption,
-    SizeOption,
-    open_model,
-    size_from_text,
-)
-from omniservo.cli.output import CameraNameOption, ForceOption, JsonOption, Output, QuietOption
+from omniservo.cli.camera_options import CameraArgument, CameraFile, size_from_text
+from omniservo.cli.grouped import grouped
+from omniservo.cli.output import ForceOption, Output
 from omniservo.errors import InputError
 from omniservo.files import writable
 
 if TYPE_CHECKING:
     from omniservo.cameras.rectify import ViewCamera
 
-_SIZES = {"tangent": (960, 720), "cylindrical": (1440, 720), "equirectangular": (1440, 720)}
+_SIZES = {
+    "perspective": (960, 720),
+    "tangent": (960, 720),
+    "cylindrical": (1440, 720),
+    "equirectangular": (1440, 720),
+}
 
 
+@grouped
 def rectify(
     camera: CameraArgument,
     image: Annotated[Path, typer.Argument(help="An image of that camera.")],
     out: Annotated[Path, typer.Argument(help="Where to write (PNG).")],
+    *,
     view: Annotated[
-        Literal["tangent", "cylindrical", "equirectangular"],
-        typer.Option("--view", help="tangent: straight lines are straight; cylindrical: upright ones are."),
-    ] = "tangent",
+        Literal["perspective", "cylindrical", "equirectangular", "tangent"],
+        typer.Option(
+            "--view",
+            help="perspective (or tangent): straight lines are straight; cylindrical: upright ones are.",
+        ),
+    ] = "perspective",
     direction: Annotated[
         str, typer.Option("--direction", help="Where it looks, camera frame: x,y,z with z ahead, y down.")
     ] = "0,0,1",
@@ -41,18 +46,14 @@ def rectify(
     ] = None,
     field_of_view: Annotated[
         float | None,
-        typer.Option("--field-of-view", help="Horizontal, degrees; tangent 90, cylindrical 180."),
+        typer.Option("--field-of-view", help="Horizontal, degrees; perspective 90, cylindrical 180."),
     ] = None,
     view_size: Annotated[str | None, typer.Option("--view-size", help="WIDTHxHEIGHT, in px.")] = None,
-    camera_name: CameraNameOption = None,
-    size: SizeOption = None,
-    model: ModelOption = None,
+    file: CameraFile,
     force: ForceOption = False,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
+    output: Output,
 ) -> None:
     """Resample an image into a perspective, cylindrical or equirectangular view."""
-    output = Output(as_json, quiet)
     if view == "equirectangular" and field_of_view is not None:
         raise InputError("--field-of-view: given; an equirectangular view shows the whole sphere")
     shape = _SIZES[view] if view_size is None else size_from_text("--view-size", view_size)
@@ -62,7 +63,7 @@ def rectify(
         from omniservo.cameras.rectify import rectify as rectified
         from omniservo.files.image_files import read_image, write_png
 
-        source = open_model(camera, camera_name, size, model)
+        source = file.open(camera)
         progress("resampling")
         seen = rectified(
             source, read_image(image), _view(view, field_of_view, shape), direction=ahead, up=above
@@ -76,7 +77,7 @@ def rectify(
 def _view(view: str, field_of_view: float | None, size: tuple[int, int]) -> ViewCamera:
     from omniservo.cameras.rectify import cylindrical_view, equirectangular_view, perspective_view
 
-    if view == "tangent":
+    if view in ("perspective", "tangent"):
         return perspective_view(math.radians(90.0 if field_of_view is None else field_of_view), size)
     if view == "cylindrical":
         return cylindrical_view(math.radians(180.0 if field_of_view is None else field_of_view), size)

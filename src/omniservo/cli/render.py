@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from omniservo.cli.camera_options import MaxAngleOption, ModelOption, SizeOption, open_model
-from omniservo.cli.completion import camera_names
-from omniservo.cli.output import CameraNameOption, ForceOption, JsonOption, Output, QuietOption
+from omniservo.cli.camera_options import CameraFile, CameraOption, MaxAngleOption
+from omniservo.cli.grouped import grouped
+from omniservo.cli.output import ForceOption, Output
 from omniservo.errors import InputError, spelled
 from omniservo.files import require_file, writable, write_whole
 
@@ -30,78 +30,71 @@ _RATE = 25.0
 _LEGAL_POSE = "x,y,z,qx,qy,qz,qw (world_T_camera), or x,y,z,X,Y,Z (from one point, looking at the other)"
 
 SceneArgument = Annotated[Path, typer.Argument(help="A MuJoCo model (MJCF).")]
-CameraOption = Annotated[
-    str,
-    typer.Option("--camera", help="A calibration file or a preset's name.", autocompletion=camera_names),
-]
 PoseOption = Annotated[
     str, typer.Option("--pose", help=f"Where the camera is, or where --path starts: {_LEGAL_POSE}.")
-]
-OutOption = Annotated[
-    Path, typer.Option("--out", help="Write the image (.png), or the video of --path (.mp4, .avi, .gif).")
 ]
 PathOption = Annotated[
     Path | None, typer.Option("--path", help="A plan file: the camera goes along its path, from --pose on.")
 ]
 FramesOption = Annotated[int, typer.Option("--frames", min=2, max=5000, help="Of a video, 25 a second.")]
-DepthOption = Annotated[
-    Path | None,
-    typer.Option("--depth", help="Write distances along rays: .npy in m, or .png of 16 bits in mm."),
-]
-SegmentationOption = Annotated[
-    Path | None,
-    typer.Option("--segmentation", help="Write geom numbers: .npy (-1: none), or .png of 16 bits (0: none)."),
-]
 
 
 @dataclass(frozen=True)
 class _Files:
     """What is written, and where."""
 
-    out: Path
-    depth: Path | None
-    segmentation: Path | None
-    is_video: bool
-    force: bool
+    out: Annotated[
+        Path,
+        typer.Option("--out", help="Write the image (.png), or the video of --path (.mp4, .avi, .gif)."),
+    ]
+    depth: Annotated[
+        Path | None,
+        typer.Option("--depth", help="Write distances along rays: .npy in m, or .png of 16 bits in mm."),
+    ] = None
+    segmentation: Annotated[
+        Path | None,
+        typer.Option(
+            "--segmentation", help="Write geom numbers: .npy (-1: none), or .png of 16 bits (0: none)."
+        ),
+    ] = None
+    force: ForceOption = False
 
-    def check(self) -> None:
+    def check(self, *, is_video: bool) -> None:
         """Refuse what cannot be written, before the work."""
-        legal = _VIDEOS if self.is_video else _STILLS
+        legal = _VIDEOS if is_video else _STILLS
         if self.out.suffix not in legal:
-            what = "a video" if self.is_video else "an image"
+            what = "a video" if is_video else "an image"
             raise InputError(f"--out: {self.out} given; legal for {what}: {', '.join(legal)}")
         for name, path in (("--depth", self.depth), ("--segmentation", self.segmentation)):
-            if path is not None and self.is_video:
+            if path is not None and is_video:
                 raise InputError(f"{name}: given with --path; it goes with one image")
             if path is not None and path.suffix not in (".npy", ".png"):
                 raise InputError(f"{name}: {path} given; legal: a file that ends with .npy or .png")
-        for path in filter(None, (self.out, self.depth, self.segmentation)):
+        for path in self.written():
             writable(path, force=self.force)
 
+    def written(self) -> Iterator[Path]:
+        """Yield what is."""
+        return filter(None, (self.out, self.depth, self.segmentation))
 
+
+@grouped
 def render(
     scene: SceneArgument,
+    *,
     camera: CameraOption,
     pose: PoseOption,
-    out: OutOption,
     path: PathOption = None,
     frames: FramesOption = 100,
-    depth: DepthOption = None,
-    segmentation: SegmentationOption = None,
-    camera_name: CameraNameOption = None,
-    size: SizeOption = None,
-    model: ModelOption = None,
+    files: _Files,
+    file: CameraFile,
     max_angle: MaxAngleOption = None,
-    force: ForceOption = False,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
+    output: Output,
 ) -> None:
     """Draw a MuJoCo model as a calibrated camera sees it; with --path, as a video along a plan's path."""
-    output = Output(as_json, quiet)
-    files = _Files(out, depth, segmentation, path is not None, force)
-    files.check()
-    for file in filter(None, (scene, path)):
-        require_file(file)
+    files.check(is_video=path is not None)
+    for given in filter(None, (scene, path)):
+        require_file(given)
     with output.working("loading") as progress:
         import mujoco
         import numpy as np
@@ -113,7 +106,7 @@ def render(
         way = None if path is None else Plan.load(path).path
         if path is not None and way is None:
             raise InputError(f"--path: {path}: the plan has no path")
-        lens = open_model(camera, camera_name, size, model, max_angle)
+        lens = file.open(camera, max_angle)
         world = load_scene_model(scene)
         data = mujoco.MjData(world)
         mujoco.mj_forward(world, data)
@@ -128,9 +121,9 @@ def render(
                 yield last[0].image
 
         _write(files, images(), last)
-    for file in filter(None, (out, depth, segmentation)):
-        output.written(file)
-    output.result({"out": str(out), "frames": len(places), **_fields(world, last[0])}, "render")
+    for written in files.written():
+        output.written(written)
+    output.result({"out": str(files.out), "frames": len(places), **_fields(world, last[0])}, "render")
 
 
 def _write(files: _Files, images: Iterator[ByteArray], last: list[Rendering]) -> None:
@@ -140,7 +133,7 @@ def _write(files: _Files, images: Iterator[ByteArray], last: list[Rendering]) ->
     from omniservo.files.image_files import write_png
     from omniservo.simulation.video import video_bytes
 
-    if files.is_video:
+    if files.out.suffix in _VIDEOS:
         write_whole(files.out, video_bytes(images, files.out.suffix, _RATE), force=files.force)
     else:
         write_png(next(images), files.out, force=files.force)

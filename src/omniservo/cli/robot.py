@@ -11,12 +11,12 @@ import typer
 
 from omniservo.cli.completion import arm_names
 from omniservo.cli.expand import expand
+from omniservo.cli.grouped import grouped
 from omniservo.cli.hand_eye import calibrate_hand_eye
 from omniservo.cli.measure_tube import measure_tube
-from omniservo.cli.output import JsonOption, Output, QuietOption
+from omniservo.cli.output import Output, made_folder
 from omniservo.cli.robot_live import check, delay
 from omniservo.cli.robot_options import PackageOption, packages_of
-from omniservo.errors import InputError
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform
@@ -33,22 +33,22 @@ app.command("delay")(delay)
 
 
 @app.command("show")
+@grouped
 def show(
     robot: Annotated[
         str,
         typer.Argument(help="An MJCF or URDF file, or a shipped arm's name.", autocompletion=arm_names),
     ],
+    *,
     flange: Annotated[
         str | None, typer.Option("--flange", help="The site or link that carries the camera.")
     ] = None,
     tool: Annotated[str | None, typer.Option("--tool", hidden=True)] = None,
     out: Annotated[Path | None, typer.Option("--out", help="Draw the arm into this folder.")] = None,
     package: PackageOption = None,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
+    output: Output,
 ) -> None:
     """Print an arm: joints, reach, links, suggested start configuration and mount, what was left out."""
-    output = Output(as_json, quiet)
     if tool is not None:
         output.line(f"{'notice':<14} --tool is called --flange now")
     with output.working("loading") as progress:
@@ -77,7 +77,10 @@ def show(
         output.line(f"{'notice':<14} {notice}")
     if out is not None:
         with output.working("drawing"):
-            drawn = _draw(arm, posture, out)
+            from omniservo.reporting.arm_figure import draw_arm
+            from omniservo.reporting.figure_files import write_drawings
+
+            drawn = write_drawings(draw_arm(arm, posture), made_folder(out))
         for path in drawn:
             output.written(path)
     output.result(_fields(arm, posture, mount, table), "robot-show")
@@ -172,14 +175,3 @@ def _spelled_link(link: Link, wide: int) -> str:
     counts = Counter(shape.kind for shape in link.shapes)
     made_of = ", ".join(f"{kind} × {count}" for kind, count in counts.items()) or "a frame"
     return f"{link.name:<{wide}} {'on ' + link.joint if link.joint else 'fixed':<{wide + 3}} {made_of}"
-
-
-def _draw(arm: Arm, posture: FloatArray, folder: Path) -> list[Path]:
-    from omniservo.reporting.arm_figure import draw_arm
-    from omniservo.reporting.figure_files import write_drawings
-
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"--out: {folder}: {error.strerror or error}") from None
-    return write_drawings(draw_arm(arm, posture), folder)

@@ -13,6 +13,7 @@ import typer
 from rich.console import Console
 from rich.prompt import Confirm
 
+from omniservo.cli.robot_options import AllowOutsideOption
 from omniservo.errors import InputError, NoSolutionError
 
 if TYPE_CHECKING:
@@ -23,13 +24,6 @@ if TYPE_CHECKING:
 OnOption = Annotated[
     Path | None, typer.Option("--on", help="A robot file (YAML): work on that robot, not in the simulator.")
 ]
-CameraSourceOption = Annotated[
-    str | None, typer.Option("--camera-source", help="URI of images; replaces the robot file's.")
-]
-DriverOption = Annotated[
-    str | None,
-    typer.Option("--driver", help="FILE.py:CLASS, a driver of your own: its code is run."),
-]
 SpeedOption = Annotated[
     float | None,
     typer.Option("--speed", help="Share of the joints' speeds, 0 to 1; replaces the robot file's."),
@@ -37,15 +31,36 @@ SpeedOption = Annotated[
 YesOption = Annotated[bool, typer.Option("--yes", help="Move the real arm without a question.")]
 
 
-def robot_of(path: Path, camera_source: str | None, speed: float | None, *, allow_outside: bool) -> RobotFile:
-    """Read the robot file that ``--on`` names.
+@dataclass(frozen=True)
+class RobotParts:
+    """What replaces parts of a robot file."""
 
-    Raises:
-        InputError: not a robot file.
-    """
-    from omniservo.tasks import load_robot
+    camera_source: Annotated[
+        str | None, typer.Option("--camera-source", help="URI of images; replaces the robot file's.")
+    ] = None
+    driver: Annotated[
+        str | None, typer.Option("--driver", help="FILE.py:CLASS, a driver of your own: its code is run.")
+    ] = None
 
-    return load_robot(path, camera_source=camera_source, speed=speed, allow_outside=allow_outside)
+    def load(self, path: Path, speed: float | None = None, *, allow_outside: bool) -> RobotFile:
+        """Read a robot file.
+
+        Raises:
+            InputError: not a robot file.
+        """
+        from omniservo.tasks import load_robot
+
+        return load_robot(path, camera_source=self.camera_source, speed=speed, allow_outside=allow_outside)
+
+    def refuse(self) -> None:
+        """Refuse options that go with a real robot where there is none.
+
+        Raises:
+            InputError: one was given.
+        """
+        for name, value in (("--camera-source", self.camera_source), ("--driver", self.driver)):
+            if value is not None:
+                raise InputError(f"{name}: goes with --on ROBOT.yaml")
 
 
 class Approval:
@@ -76,16 +91,13 @@ class Approval:
 
 
 @dataclass(frozen=True)
-class OnRobot:
+class OnRobot(RobotParts):
     """The real robot that a command is to work on, if any."""
 
-    file: Path | None
-    """``--on``; None: the simulator"""
-    camera_source: str | None
-    driver: str | None
-    speed: float | None
-    yes: bool
-    allow_outside: bool
+    on: OnOption = None
+    speed: SpeedOption = None
+    yes: YesOption = False
+    allow_outside: AllowOutsideOption = False
 
     def refuse_mixed(self) -> None:
         """Refuse options that go with a real robot where there is none.
@@ -93,14 +105,14 @@ class OnRobot:
         Raises:
             InputError: one was given.
         """
-        given = {"--camera-source": self.camera_source, "--driver": self.driver, "--speed": self.speed}
-        for name, value in given.items():
-            if self.file is None and value is not None:
-                raise InputError(f"{name}: goes with --on ROBOT.yaml")
+        if self.on is None:
+            self.refuse()
+            if self.speed is not None:
+                raise InputError("--speed: goes with --on ROBOT.yaml")
 
     def approval(self) -> Approval | None:
         """Return what asks before a real arm moves; None for the simulator's."""
-        return None if self.file is None else Approval(yes=self.yes)
+        return None if self.on is None else Approval(yes=self.yes)
 
     @contextmanager
     def cell_of(self, task: Task, progress: Progress) -> Iterator[tuple[Task, OpenCell]]:
@@ -110,7 +122,7 @@ class OnRobot:
             InputError, ServoStop: see `open_hardware`; or the robot was not checked.
         """
         approve = self.approval()
-        if self.file is None or approve is None:
+        if self.on is None or approve is None:
             from omniservo.simulation import SimulatedCell
 
             yield task, SimulatedCell
@@ -118,9 +130,9 @@ class OnRobot:
         from omniservo.runs.open_hardware import open_hardware
         from omniservo.runs.robot_records import require_check, stored_delay
 
-        require_check(self.file)
-        robot = robot_of(self.file, self.camera_source, self.speed, allow_outside=self.allow_outside)
-        delay = stored_delay(self.file, robot)
+        require_check(self.on)
+        robot = self.load(self.on, self.speed, allow_outside=self.allow_outside)
+        delay = stored_delay(self.on, robot)
         progress("connecting to arm and camera")
         begun, cell = open_hardware(task, robot, approve, self.driver, delay)
         with closing(cell):

@@ -10,15 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from omniservo.cli.output import JsonOption, Output, QuietOption, answer_is_no
-from omniservo.cli.robot_file import (
-    Approval,
-    CameraSourceOption,
-    DriverOption,
-    SpeedOption,
-    YesOption,
-    robot_of,
-)
+from omniservo.cli.grouped import grouped
+from omniservo.cli.output import Output, answer_is_no
+from omniservo.cli.robot_file import Approval, RobotParts, SpeedOption, YesOption
 from omniservo.cli.robot_options import AllowOutsideOption
 
 if TYPE_CHECKING:
@@ -27,31 +21,30 @@ if TYPE_CHECKING:
 RobotArgument = Annotated[Path, typer.Argument(help="A robot file (YAML).")]
 
 
+@grouped
 def check(
     robot: RobotArgument,
-    camera_source: CameraSourceOption = None,
-    driver: DriverOption = None,
+    *,
+    parts: RobotParts,
     yes: YesOption = False,
     allow_outside: AllowOutsideOption = False,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
+    output: Output,
 ) -> None:
     """Check a real robot: rates, ages, clocks, where it stands, its joints, and that it stops in silence.
 
     Every joint moves by half a degree and back. What was found is kept beside the robot file; run --on needs
     it.
     """
-    output = Output(as_json, quiet)
     with output.working("loading") as progress:
         from omniservo.runs.open_hardware import open_robot, open_robot_camera
         from omniservo.runs.robot_check import check_robot
         from omniservo.runs.robot_records import save_check
 
         approval = Approval(yes=yes)
-        loaded = robot_of(robot, camera_source, None, allow_outside=allow_outside)
+        loaded = parts.load(robot, allow_outside=allow_outside)
         arm = loaded.loaded_arm()
         progress("connecting to arm and camera")
-        connection = open_robot(loaded, arm, driver)
+        connection = open_robot(loaded, arm, parts.driver)
         with closing(connection), closing(open_robot_camera(loaded)) as camera:
             progress("listening")
             found = check_robot(loaded, arm, connection, camera, approval)
@@ -81,22 +74,21 @@ def check_fields(found: RobotCheck, notice: str | None) -> dict[str, Any]:
     return {**asdict(found), "fit": not found.findings, "notice": notice}
 
 
+@grouped
 def delay(
     robot: RobotArgument,
-    camera_source: CameraSourceOption = None,
-    driver: DriverOption = None,
+    *,
+    parts: RobotParts,
     speed: SpeedOption = None,
     yes: YesOption = False,
     allow_outside: AllowOutsideOption = False,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
+    output: Output,
 ) -> None:
     """Find how late a real robot's images and motions are: two joints swing for four seconds.
 
     The camera must see something static with texture. What was found is kept beside the robot file, and
     used by run --on.
     """
-    output = Output(as_json, quiet)
     with output.working("loading") as progress:
         from omniservo.runs.open_hardware import open_bare
         from omniservo.runs.robot_delay import measure_delay
@@ -104,10 +96,10 @@ def delay(
         from omniservo.safety import SafetyOptions
 
         approval = Approval(yes=yes)
-        loaded = robot_of(robot, camera_source, speed, allow_outside=allow_outside)
+        loaded = parts.load(robot, speed, allow_outside=allow_outside)
         progress("connecting to arm and camera")
         options = SafetyOptions(image_age=1.0, time_offset=0.5)
-        with closing(open_bare(loaded, approval, options, driver)) as cell:
+        with closing(open_bare(loaded, approval, options, parts.driver)) as cell:
             progress("swinging two joints")
             found = measure_delay(cell, options)
     camera = found.camera

@@ -1,12 +1,19 @@
-"""What commands that read an arm's file share."""
+"""What commands share that read an arm's file, or a task with one."""
 
 from __future__ import annotations
 
-from typing import Annotated
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from omniservo.errors import InputError, spelled
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from omniservo.cameras.models import CentralModel
+    from omniservo.tasks import Task
 
 PackageOption = Annotated[
     list[str] | None,
@@ -17,6 +24,21 @@ AllowOutsideOption = Annotated[
     bool,
     typer.Option("--allow-outside", help="Files that the task names may lie outside its folder."),
 ]
+
+
+@dataclass(frozen=True)
+class TaskOptions:
+    """Where the files are that a task names."""
+
+    package: PackageOption = None
+    allow_outside: AllowOutsideOption = False
+
+    def load(self, task: str | Path, camera: CentralModel | None = None) -> Task:
+        """Load a task; ``camera`` replaces its own."""
+        from omniservo.tasks import load_task
+
+        known = packages_of(self.package)
+        return load_task(task, camera=camera, packages=known, allow_outside=self.allow_outside)
 
 
 def packages_of(given: list[str] | None) -> dict[str, str]:

@@ -8,36 +8,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from omniservo.cli.camera_options import (
-    CameraErrorOption,
-    CameraOptions,
-    LargestOption,
-    MaxAngleOption,
-    ModelOption,
-    SizeOption,
-)
-from omniservo.cli.completion import camera_names, task_names
-from omniservo.cli.output import (
-    CameraNameOption,
-    ForceOption,
-    JsonOption,
-    Output,
-    QuietOption,
-    SeedOption,
-    answer_is_no,
-)
+from omniservo.cli.camera_options import LargestOption, LensOptions, TaskCameraOption
+from omniservo.cli.completion import task_names
+from omniservo.cli.grouped import grouped
+from omniservo.cli.output import ForceOption, Output, SeedOption, answer_is_no
 from omniservo.cli.replay import is_given, refuse_other_options
 from omniservo.cli.replay import replay as replay_file
 from omniservo.cli.replay_row import is_row, replay_row
-from omniservo.cli.robot_file import (
-    CameraSourceOption,
-    DriverOption,
-    OnOption,
-    OnRobot,
-    SpeedOption,
-    YesOption,
-)
-from omniservo.cli.robot_options import AllowOutsideOption, PackageOption, packages_of
+from omniservo.cli.robot_file import OnRobot
+from omniservo.cli.robot_options import TaskOptions
 from omniservo.errors import AlreadyExists, InputError, NoSolutionError
 from omniservo.files import exists, require_file, unused, whole_folder, write_whole
 from omniservo.run_methods import COMPARE, RunMethod, run_methods
@@ -46,15 +25,12 @@ from omniservo.shipped_tasks import task_file
 if TYPE_CHECKING:
     from omniservo.cli.progress import Progress
     from omniservo.runs import NoPath
+    from omniservo.tasks import Task
 
 _ROOM = 20 * 2**20
 """[bytes] that the results of one method may take"""
 
 
-OutOption = Annotated[
-    Path | None,
-    typer.Option("--out", help="Folder of results; default runs/TASK, with a number where it exists."),
-]
 MethodOption = Annotated[
     list[str],
     typer.Option(
@@ -65,16 +41,8 @@ MethodOption = Annotated[
         "several times they are shown side by side; compare stands for certified, paper, ibvs.",
     ),
 ]
-GoalOption = Annotated[Path | None, typer.Option("--goal", help="A goal saved by teach.")]
-CameraOption = Annotated[
-    str | None,
-    typer.Option("--camera", help="Replaces the task's camera.", autocompletion=camera_names),
-]
 TaskArgument = Annotated[
     str | None, typer.Argument(help="A shipped task or a YAML file.", autocompletion=task_names)
-]
-FilmOption = Annotated[
-    bool, typer.Option("--film/--no-film", help="Without the animation it takes less time.")
 ]
 ReplayOption = Annotated[
     Path | None,
@@ -87,122 +55,112 @@ ReplayOption = Annotated[
 
 
 @dataclass(frozen=True)
-class _Call:
-    """What a run is called with, but for the robot."""
+class _Results:
+    """What is left of a run, and what it begins with."""
 
-    task: str
-    out: Path | None
-    methods: tuple[RunMethod, ...]
-    goal: Path | None
-    camera: CameraOptions
-    package: list[str] | None
-    allow_outside: bool
-    seed: int
-    film: bool
-    force: bool
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", help="Folder of results; default runs/TASK, with a number where it exists."),
+    ] = None
+    goal: Annotated[Path | None, typer.Option("--goal", help="A goal saved by teach.")] = None
+    seed: SeedOption = 0
+    film: Annotated[
+        bool, typer.Option("--film/--no-film", help="Without the animation it takes less time.")
+    ] = True
+    force: ForceOption = False
 
 
+@grouped
 def run(
     context: typer.Context,
     task: TaskArgument = None,
-    out: OutOption = None,
+    *,
     method: MethodOption = ["certified"],  # noqa: B006
-    goal: GoalOption = None,
-    camera: CameraOption = None,
-    camera_name: CameraNameOption = None,
-    size: SizeOption = None,
-    model: ModelOption = None,
-    max_angle: MaxAngleOption = None,
+    camera: TaskCameraOption = None,
+    lens: LensOptions,
     largest_px: LargestOption = None,
-    camera_error: CameraErrorOption = None,
-    package: PackageOption = None,
-    allow_outside: AllowOutsideOption = False,
-    seed: SeedOption = 0,
-    film: FilmOption = True,
-    on: OnOption = None,
-    camera_source: CameraSourceOption = None,
-    driver: DriverOption = None,
-    speed: SpeedOption = None,
-    yes: YesOption = False,
+    files: TaskOptions,
+    results: _Results,
+    robot: OnRobot,
     replay: ReplayOption = None,
-    force: ForceOption = False,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
+    output: Output,
 ) -> None:
     """Do the whole job: images, estimate, plan, servo on the simulated or a real arm, report."""
-    output = Output(as_json, quiet)
     if replay is not None:
         if is_row(replay):
             refuse_other_options(context, "method")
             replay_row(replay, method if is_given(context, "method") else [], output)
             return
         refuse_other_options(context)
-        replay_file(replay, allow_outside, output)
+        replay_file(replay, files.allow_outside, output)
         return
     if task is None:
         raise InputError("TASK: missing; legal: a shipped task, a YAML file, or --replay FILE")
-    lens = CameraOptions(camera, camera_name, size, model, max_angle, largest_px, camera_error)
-    call = _Call(task, out, run_methods(method), goal, lens, package, allow_outside, seed, film, force)
-    robot = OnRobot(on, camera_source, driver, speed, yes, allow_outside)
-    _refuse_early(call, robot)
+    methods = run_methods(method)
+    _refuse_early(task, methods, results, robot)
     with output.working("starting") as progress:
         progress("loading")  # no line of its own: a wrong call is one line
-        folder, found = _done(call, robot, progress, output)
+        robot.approval()
+        loaded = files.load(task, lens.opened_if_named(camera, largest_px))
+        folder, found = _done(loaded, methods, results, robot, progress, output)
     _say(output, folder, found)
 
 
-def _refuse_early(call: _Call, robot: OnRobot) -> None:
+def _refuse_early(task: str, methods: tuple[RunMethod, ...], results: _Results, robot: OnRobot) -> None:
     """Refuse what is wrong without loading anything."""
-    task_file(call.task)
+    task_file(task)
     robot.refuse_mixed()
-    names = [method.name for method in call.methods]
-    if robot.file is not None and names != ["certified"]:
+    names = [method.name for method in methods]
+    if robot.on is not None and names != ["certified"]:
         raise InputError(f"--method: {', '.join(names)} given; a real arm follows certified plans alone")
-    for method in call.methods:
+    for method in methods:
         if method.source is not None:
             require_file(method.source.rpartition(":")[0])
-    if robot.file is not None and call.goal is None:
+    if robot.on is not None and results.goal is None:
         raise InputError("--goal: needed with --on: save one with omniservo teach TASK --on ROBOT --out GOAL")
-    if call.out is not None and exists(call.out) and not call.force:
-        raise AlreadyExists(call.out)
-    if call.goal is not None:
-        require_file(call.goal)
+    if results.out is not None and exists(results.out) and not results.force:
+        raise AlreadyExists(results.out)
+    if results.goal is not None:
+        require_file(results.goal)
 
 
 def _done(
-    call: _Call, robot: OnRobot, progress: Progress, output: Output
+    task: Task,
+    methods: tuple[RunMethod, ...],
+    results: _Results,
+    robot: OnRobot,
+    progress: Progress,
+    output: Output,
 ) -> tuple[Path, dict[str, dict[str, object]]]:
     """Do the job; return where its results are, and the metrics by method."""
     from omniservo.runs import NoPath, recording_beside, run_into, run_recorded_into
     from omniservo.runs.compile_ahead import compiling_ahead
-    from omniservo.tasks import TaughtGoal, load_task
+    from omniservo.tasks import TaughtGoal
 
-    robot.approval()
-    taught = None if call.goal is None else TaughtGoal.load(call.goal)
-    replacement, known = call.camera.opened(), packages_of(call.package)
-    loaded = load_task(call.task, camera=replacement, packages=known, allow_outside=call.allow_outside)
-    folder = call.out if call.out is not None else _folder(loaded.name, call.methods, call.force)
-    room = _ROOM * len(call.methods)
+    taught = None if results.goal is None else TaughtGoal.load(results.goal)
+    folder = results.out if results.out is not None else _folder(task.name, methods, results.force)
+    room = _ROOM * len(methods)
+    seed, filmed = results.seed, results.film
     try:
         with (
             compiling_ahead(),
-            whole_folder(folder, force=call.force, room=room) as work,
-            robot.cell_of(loaded, progress) as (begun, open_cell),
+            whole_folder(folder, force=results.force, room=room) as work,
+            robot.cell_of(task, progress) as (begun, open_cell),
         ):
-            if robot.file is None or taught is None:
+            if robot.on is None or taught is None:
                 found = run_into(
-                    work, begun, open_cell, method=[method.source or method.name for method in call.methods],
-                    goal=taught, seed=call.seed, filmed=call.film, progress=progress,
+                    work, begun, open_cell, method=[method.source or method.name for method in methods],
+                    goal=taught, seed=seed, filmed=filmed, progress=progress,
                 )  # fmt: skip
             else:
                 with recording_beside(folder, work, output.written) as recording:
                     found = run_recorded_into(
-                        work, begun, open_cell, recording, goal=taught, seed=call.seed, filmed=call.film,
+                        work, begun, open_cell, recording, goal=taught, seed=seed, filmed=filmed,
                         progress=progress,
                     )  # fmt: skip
     except NoPath as refused:
         progress("drawing why", 0.9)
-        raise NoSolutionError(f"{refused}{_drawn(refused, call.out)}") from None
+        raise NoSolutionError(f"{refused}{_drawn(refused, results.out)}") from None
     return folder, found
 
 

@@ -7,20 +7,21 @@ from typing import Annotated
 
 import typer
 
-from omniservo.cli.output import JsonOption, Output, QuietOption
+from omniservo.cli.grouped import grouped
+from omniservo.cli.output import Output
 
 
+@grouped
 def schema(
     file_format: Annotated[
         str | None, typer.Argument(metavar="[FORMAT]", help="As plan, or omniservo.plan/1.")
     ] = None,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
+    *,
+    output: Output,
 ) -> None:
     """Print the JSON schema of a file format; without FORMAT, list the formats."""
     from omniservo.schemas import FORMATS, json_schema, short_name
 
-    output = Output(as_json, quiet)
     if file_format is not None:
         found = json_schema(file_format)
         output.line(json.dumps(found, indent=2, ensure_ascii=False))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -10,8 +11,9 @@ import typer
 
 from omniservo.cli.camera_options import size_from_text
 from omniservo.cli.completion import task_names
-from omniservo.cli.output import ForceOption, JsonOption, Output, QuietOption, SeedOption
-from omniservo.cli.robot_options import AllowOutsideOption, PackageOption, packages_of
+from omniservo.cli.grouped import grouped
+from omniservo.cli.output import ForceOption, Output, SeedOption
+from omniservo.cli.robot_options import TaskOptions
 from omniservo.errors import InputError
 from omniservo.files import writable, write_whole
 from omniservo.geometry.arrays import finite_number
@@ -32,13 +34,35 @@ _SAID_AGAIN = 10.0
 """That rendering is too slow is said so often [s]."""
 
 
-RateOption = Annotated[float | None, typer.Option("--rate", help="Frames a second; replaces the task's.")]
-ServedSizeOption = Annotated[
-    str | None, typer.Option("--size", help="WIDTHxHEIGHT of images; the task's camera, smaller.")
-]
-ProjectedOption = Annotated[
-    bool, typer.Option("--projected", help="Images show the dots alone, drawn at once: for tests of time.")
-]
+@dataclass(frozen=True)
+class _Link:
+    """What is wrong with the link to the arm, and with its clock."""
+
+    latency: Annotated[float, typer.Option("--latency", min=0, help="Of messages [s].")] = 0.0
+    jitter: Annotated[float, typer.Option("--jitter", min=0, help="Of the latency, either way [s].")] = 0.0
+    loss: Annotated[float, typer.Option("--loss", min=0, max=1, help="Share of messages lost.")] = 0.0
+    clock_offset: Annotated[float, typer.Option("--clock-offset", help="Of its clock [s].")] = 0.0
+    drift: Annotated[float, typer.Option("--drift", help="Of its clock [ppm].")] = 0.0
+
+
+@dataclass(frozen=True)
+class _Images:
+    """What the camera's images are, in place of what the task says."""
+
+    rate: Annotated[float | None, typer.Option("--rate", help="Frames a second; replaces the task's.")] = None
+    size: Annotated[
+        str | None, typer.Option("--size", help="WIDTHxHEIGHT of images; the task's camera, smaller.")
+    ] = None
+    projected: Annotated[
+        bool,
+        typer.Option("--projected", help="Images show the dots alone, drawn at once: for tests of time."),
+    ] = False
+
+    def of(self, task: Task) -> Task:
+        """Return the task with such images."""
+        sides = None if self.size is None else size_from_text("--size", self.size)
+        task = task if self.rate is None else _at_rate(task, self.rate)
+        return task if sides is None else _of_size(task, *sides)
 
 
 @app.callback()
@@ -47,8 +71,10 @@ def _sim() -> None:
 
 
 @app.command("serve")
+@grouped
 def serve(
     task: Annotated[str, typer.Argument(help="A shipped task or a YAML file.", autocompletion=task_names)],
+    *,
     interface: Annotated[
         Literal["rtde", "ros2"], typer.Option("--as", help="rtde: Universal Robots and MJPEG; ros2: topics.")
     ] = "rtde",
@@ -58,22 +84,14 @@ def serve(
     robot_file: Annotated[
         Path | None, typer.Option("--robot-file", help="Write the robot file that reaches it here.")
     ] = None,
-    latency: Annotated[float, typer.Option("--latency", min=0, help="Of messages [s].")] = 0.0,
-    jitter: Annotated[float, typer.Option("--jitter", min=0, help="Of the latency, either way [s].")] = 0.0,
-    loss: Annotated[float, typer.Option("--loss", min=0, max=1, help="Share of messages lost.")] = 0.0,
-    clock_offset: Annotated[float, typer.Option("--clock-offset", help="Of its clock [s].")] = 0.0,
-    drift: Annotated[float, typer.Option("--drift", help="Of its clock [ppm].")] = 0.0,
-    rate: RateOption = None,
-    size: ServedSizeOption = None,
-    projected: ProjectedOption = False,
+    link: _Link,
+    images: _Images,
     seconds: Annotated[float | None, typer.Option("--seconds", min=0, help="End after so long.")] = None,
     free_ports: Annotated[bool, typer.Option("--free-ports", help="Any ports that are free.")] = False,
-    package: PackageOption = None,
-    allow_outside: AllowOutsideOption = False,
+    files: TaskOptions,
     seed: SeedOption = 0,
     force: ForceOption = False,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
+    output: Output,
 ) -> None:
     """Serve a task's simulated arm and camera on the wall clock, behind the interfaces of real ones.
 
@@ -81,22 +99,17 @@ def serve(
     works on it as on a real robot.
     """
     task_file(task)
-    sides = None if size is None else size_from_text("--size", size)
     if robot_file is not None:
         writable(robot_file, force=force)
-    output = Output(as_json, quiet)
     with output.working("loading") as progress:
         from omniservo.hardware import LinkFaults
         from omniservo.simulation.sim_server import serve as served
-        from omniservo.tasks import load_task
 
-        faults = LinkFaults(latency, jitter, loss, clock_offset, drift, seed)
-        loaded = load_task(task, packages=packages_of(package), allow_outside=allow_outside)
+        faults = LinkFaults(link.latency, link.jitter, link.loss, link.clock_offset, link.drift, seed)
+        loaded = images.of(files.load(task))
         progress("starting")
-        loaded = loaded if rate is None else _at_rate(loaded, rate)
-        loaded = loaded if sides is None else _of_size(loaded, *sides)
     with served(
-        loaded, interface, at=at, faults=faults, free_ports=free_ports, seed=seed, projected=projected
+        loaded, interface, at=at, faults=faults, free_ports=free_ports, seed=seed, projected=images.projected
     ) as there:
         if robot_file is not None:
             write_whole(robot_file, there.robot_file, force=force)

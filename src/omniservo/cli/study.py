@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from typer.core import TyperGroup
 
-from omniservo.cli.output import ForceOption, JsonOption, Output, QuietOption
+from omniservo.cli.grouped import grouped
+from omniservo.cli.output import ForceOption, Output
 from omniservo.cli.progress import DOING, Progress
 from omniservo.files import whole_folder
 from omniservo.shipped_studies import shipped_studies, study_file
@@ -64,22 +65,22 @@ FoldersArgument = Annotated[list[Path], typer.Argument(metavar="DIR…", help="F
 
 
 @app.command(_RUN)
+@grouped
 def run(
     study: StudyArgument,
     out: Annotated[Path, typer.Option("--out", help="Folder of the rows; an existing one is gone on with.")],
+    *,
     workers: WorkersOption = None,
     scheduler: SchedulerOption = None,
     method_file: MethodFileOption = None,
     shard: ShardOption = None,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
+    output: Output,
 ) -> None:
     """Run a study; the same command goes on with one that was interrupted.
 
     DIR holds rows.parquet (rows.csv where pyarrow is not installed), report.html, the parts that rows are
     kept in, and study.json. The word run may be left out.
     """
-    output = Output(as_json, quiet)
     study_file(study)
     # before NumPy is loaded: rows that this process runs are then those of one-thread workers
     os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"))
@@ -103,15 +104,15 @@ def run(
 
 
 @app.command("merge")
+@grouped
 def merge(
     folders: FoldersArgument,
+    *,
     out: Annotated[Path, typer.Option("--out", help="Folder of the whole study.")],
     force: ForceOption = False,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
+    output: Output,
 ) -> None:
     """Join the folders of a study's shards; every certificate is verified again."""
-    output = Output(as_json, quiet)
     with output.working("loading") as progress:
         from omniservo.studies import Program, merge_studies
 
@@ -123,14 +124,13 @@ def merge(
 
 
 @app.command("compare")
+@grouped
 def compare(
     before: Annotated[Path, typer.Argument(metavar="A", help="Folder of a study.")],
     after: Annotated[Path, typer.Argument(metavar="B", help="Folder of another.")],
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
+    output: Output,
 ) -> None:
     """Compare the success of each method in two studies; rows one by one where both ran the same study."""
-    output = Output(as_json, quiet)
     with output.working("loading") as progress:
         from omniservo.studies import compare_studies, read_parts
 

@@ -7,28 +7,29 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from omniservo.cli.output import JsonOption, Output, QuietOption, answer_is_no, with_unit
+from omniservo.cli.grouped import grouped
+from omniservo.cli.output import Output, answer_is_no, with_unit
 
 if TYPE_CHECKING:
     from omniservo.planning import PlanningProblem
 
 
+@grouped
 def verify(
     plan: Annotated[Path, typer.Argument(help="A saved plan.")],
+    *,
     problem: Annotated[
         Path | None,
         typer.Option(
             "--problem", help="The problem that was meant, JSON or YAML: the plan's must say the same."
         ),
     ] = None,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
+    output: Output,
 ) -> None:
     """Check a saved plan independently of the planner, in exact arithmetic."""
     from omniservo.errors import InputError
     from omniservo.verification import PlanFileError, verify_plan
 
-    output = Output(as_json, quiet)
     with output.working("verifying"):
         try:
             certificate = verify_plan(plan, problem=None if problem is None else _loaded(problem))

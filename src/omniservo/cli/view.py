@@ -9,8 +9,9 @@ from typing import Annotated
 
 import typer
 
-from omniservo.cli.output import JsonOption, Output, QuietOption
-from omniservo.cli.robot_options import AllowOutsideOption, PackageOption, packages_of
+from omniservo.cli.grouped import grouped
+from omniservo.cli.output import Output
+from omniservo.cli.robot_options import TaskOptions, packages_of
 
 FIRST = "whole-arm-1"
 """The shipped task that is shown where nothing is named."""
@@ -29,26 +30,25 @@ NoBrowserOption = Annotated[
 ]
 
 
+@grouped
 def view(
     what: ViewedArgument = FIRST,
+    *,
     port: PortOption = 8080,
     no_browser: NoBrowserOption = False,
     seconds: Annotated[float | None, typer.Option("--seconds", min=0, help="End after so long.")] = None,
-    package: PackageOption = None,
-    allow_outside: AllowOutsideOption = False,
-    as_json: JsonOption = False,
-    quiet: QuietOption = False,
+    files: TaskOptions,
+    output: Output,
 ) -> None:
     """Show a live page: drag obstacles, start and goal, and the certified path follows.
 
     It is served to this machine alone, until Ctrl-C.
     """
-    output = Output(as_json, quiet)
     with output.working("loading"):
         from omniservo.viewer import open_viewed, require_viser, serve_page
 
         require_viser()
-        viewed = open_viewed(what, packages_of(package), allow_outside=allow_outside)
+        viewed = open_viewed(what, packages_of(files.package), allow_outside=files.allow_outside)
     with serve_page(viewed, port=port) as page:
         with output.working("planning"):
             page.settled.wait(_FIRST_PLAN)

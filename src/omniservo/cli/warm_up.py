@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from omniservo.cli.compiled_record import CompiledRecord
-from omniservo.cli.output import JsonOption, Output, QuietOption
+from omniservo.cli.grouped import grouped
+from omniservo.cli.output import Output
 
 
-def warm_up(as_json: JsonOption = False, quiet: QuietOption = False) -> None:
+@grouped
+def warm_up(output: Output) -> None:
     """Compile all kernels now; the first run, plan or estimate then need not."""
-    output, record = Output(as_json, quiet), CompiledRecord()
+    record = CompiledRecord()
     if record.is_complete():
         output.line("everything is compiled already")
         output.result({"compiled": 0, "seconds": 0.0, "already": True}, "warm-up")

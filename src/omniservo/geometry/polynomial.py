@@ -97,12 +97,11 @@ def scale(controls: FloatArray) -> FloatArray:
 
 
 @leaf
-def add_product(factor: float, a: FloatArray, b: FloatArray, out: FloatArray) -> None:
-    """Add factor · a · b to ``out``, all in scaled coefficients: (m+1,), (n+1,), (m+n+1,)."""
+def add_product(a: FloatArray, b: FloatArray, out: FloatArray) -> None:
+    """Add a · b to ``out``, all in scaled coefficients: (m+1,), (n+1,), (m+n+1,)."""
     for i in range(a.shape[0]):
-        value = factor * a[i]
         for j in range(b.shape[0]):
-            out[i + j] += value * b[j]
+            out[i + j] += a[i] * b[j]
 
 
 @leaf

@@ -107,8 +107,8 @@ def squares(coefficients: FloatArray) -> tuple[FloatArray, FloatArray]:
     square = np.zeros((1, 2 * n + 1))
     raised = np.zeros((rows, 2 * n + 1))
     for r in range(rows):
-        add_product(1.0, scaled[r], scaled[r], square[0])
-        add_product(1.0, scaled[r], BINOMIALS[n, : n + 1], raised[r])
+        add_product(scaled[r], scaled[r], square[0])
+        add_product(scaled[r], BINOMIALS[n, : n + 1], raised[r])
     for k in range(2 * n + 1):
         square[0, k] /= BINOMIALS[2 * n, k]
         for r in range(rows):

@@ -13,7 +13,7 @@ from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray, finite_number
 from omniservo.planning.camera_path import CameraPath
 from omniservo.planning.constraints.body_gap import REACH
-from omniservo.planning.constraints.constraints import Constraints
+from omniservo.planning.constraints.constraints import CLOUD_REACH, SPHERE_REACH, Constraints
 from omniservo.planning.end_poses import violation_at_end
 from omniservo.planning.judged_plan import infeasible_plan
 from omniservo.planning.obstacles.half_space import HalfSpace
@@ -148,9 +148,9 @@ def with_room(constraints: Constraints, planes: int, room: float) -> Constraints
         rows.copy()
         for rows in (constraints.obstacles, constraints.bodies, constraints.clouds, constraints.planes)
     )
-    obstacles[:, 4] += room
+    obstacles[:, SPHERE_REACH] += room
     bodies[:, REACH] += room
-    clouds[:, 5] += room
+    clouds[:, CLOUD_REACH] += room
     sides[:planes, 3:5] += room
     return constraints._replace(obstacles=obstacles, bodies=bodies, clouds=clouds, planes=sides)
 

@@ -27,28 +27,28 @@ def margin_parts(result: RunResult) -> Markup | None:
     rows: list[list[Cell]] = [
         [
             "required",
-            _length(planning.arm_clearance),
-            _length(planning.clearance),
-            _pixels(planning.visibility_margin),
+            spell(planning.arm_clearance, "m"),
+            spell(planning.clearance, "m"),
+            spell(planning.visibility_margin, "px"),
         ],
         [
             "taken by the estimate",
-            _length(None if links is None else links.estimate),
-            _length(camera),
-            _pixels(None if image is None else image.planned - image.executed),
+            spell(None if links is None else links.estimate, "m"),
+            spell(camera, "m"),
+            spell(None if image is None else image.planned - image.executed, "px"),
         ],
-        ["taken by the camera's mount", _length(None if links is None else links.mount), NOTHING, NOTHING],
+        ["taken by the camera's mount", spell(None if links is None else links.mount, "m"), NOTHING, NOTHING],
         [
             "added for both",
-            _length(None if links is None else links.added),
-            _length(None if risk is None else risk.extra_clearance),
-            _pixels(None if risk is None else risk.extra_visibility),
+            spell(None if links is None else links.added, "m"),
+            spell(None if risk is None else risk.extra_clearance, "m"),
+            spell(None if risk is None else risk.extra_visibility, "px"),
         ],
         [
             "added for tracking",
-            _length(planning.tracking_margin if tube is None else tracking),
-            _length(planning.tracking_margin if tube is None else tube.position),
-            _pixels(None if tube is None else tube.image),
+            spell(planning.tracking_margin if tube is None else tracking, "m"),
+            spell(planning.tracking_margin if tube is None else tube.position, "m"),
+            spell(None if tube is None else tube.image, "px"),
         ],
     ]
     lead = tag("p", _lead(result))
@@ -65,11 +65,3 @@ def _lead(result: RunResult) -> str:
     if whole is not None and whole.tube is not None:
         parts.append(f"{100 * whole.tube.share:g}% to runs that leave the tracking tube")
     return f"The plan was made for a risk of {100 * asked:g}%: {', '.join(parts)}."
-
-
-def _length(value: float | None) -> str:
-    return NOTHING if value is None else spell(value, "m")
-
-
-def _pixels(value: float | None) -> str:
-    return NOTHING if value is None else spell(value, "px")

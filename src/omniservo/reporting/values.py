@@ -144,31 +144,27 @@ def _of_plan(plan: Plan) -> Shown:
 
 def _of_two_views(estimate: TwoViewEstimate) -> Shown:
     pose = estimate.initial_T_goal
-    used = f"{int(estimate.inliers.sum())} of {estimate.inliers.size}"
-    if pose is None:
-        return [("status", f"{estimate.status}: {estimate.message}"), ("matches used", used)], None
-    rows = [
-        ("status", estimate.status),
-        *_of_pose(pose, is_metric=estimate.is_metric),
-        ("matches used", used),
-        ("reprojection error", f"{spell(estimate.rms_px, 'px')} rms"),
-    ]
-    return rows, lambda: estimate_figure(estimate)
+    found = None if pose is None else _of_pose(pose, is_metric=estimate.is_metric)
+    return _fitted(estimate, found, "matches used", lambda: estimate_figure(estimate))
 
 
 def _of_known_points(estimate: PoseEstimate) -> Shown:
     pose = estimate.reference_T_camera
-    used = f"{int(estimate.inliers.sum())} of {estimate.inliers.size}"
+    found = None if pose is None else [*_of_pose(pose, is_metric=True), _spread(estimate.covariance)]
+    return _fitted(
+        estimate, found, "points used", lambda: residual_figure(estimate.residuals_px[estimate.inliers])
+    )
+
+
+def _fitted(
+    estimate: TwoViewEstimate | PoseEstimate, pose: Rows | None, used: str, figure: Callable[[], Figure]
+) -> Shown:
+    """Return what is shown of a pose fitted to points; ``pose`` None: there is none, and why."""
+    points = (used, f"{int(estimate.inliers.sum())} of {estimate.inliers.size}")
     if pose is None:
-        return [("status", f"{estimate.status}: {estimate.message}"), ("points used", used)], None
-    rows = [
-        ("status", estimate.status),
-        *_of_pose(pose, is_metric=True),
-        _spread(estimate.covariance),
-        ("points used", used),
-        ("reprojection error", f"{spell(estimate.rms_px, 'px')} rms"),
-    ]
-    return rows, lambda: residual_figure(estimate.residuals_px[estimate.inliers])
+        return [("status", f"{estimate.status}: {estimate.message}"), points], None
+    error = ("reprojection error", f"{spell(estimate.rms_px, 'px')} rms")
+    return [("status", estimate.status), *pose, points, error], figure
 
 
 def _of_several_views(estimate: MultiViewEstimate) -> Shown:

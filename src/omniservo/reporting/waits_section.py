@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import math
-
 from omniservo.reporting.html import Cell, Markup, joined, table, tag
-from omniservo.reporting.spelling import NOTHING, spell
+from omniservo.reporting.spelling import spell
 from omniservo.results.run_result import RunResult
 
 
@@ -14,18 +12,16 @@ def waits_section(result: RunResult) -> Markup | None:
     log = result.log
     if not log.waits:
         return None
-    rows: list[list[Cell]] = []
-    for wait in log.waits:
-        moved = log.moved_blind(wait)
-        rows.append(
-            [
-                f"{wait.since:.3f} s",
-                wait.why,
-                f"{wait.stands_at:.3f} s",
-                f"{wait.until:.3f} s",
-                spell(moved, "m") if math.isfinite(moved) else NOTHING,
-            ]
-        )
+    rows: list[list[Cell]] = [
+        [
+            f"{wait.since:.3f} s",
+            wait.why,
+            f"{wait.stands_at:.3f} s",
+            f"{wait.until:.3f} s",
+            spell(log.moved_blind(wait), "m"),
+        ]
+        for wait in log.waits
+    ]
     lead = (
         "Where no image can be acted on, the arm slows down along its path by the joints alone, stands, and "
         "waits. It goes on when an image shows the points where the joints have them."

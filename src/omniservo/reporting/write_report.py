@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -90,13 +90,13 @@ def report_html(
         *([] if several else [section.key_numbers(results[0])]),
         *([part("The methods side by side", section.side_by_side(results))] if several else []),
         *(_animations(results, [p.animation for p in pictures])),
-        *_paper(results),
-        *(block for r in results for block in _looks(r, several)),
+        *_parts("The paper's numbers and ours", section.paper_and_ours, results[:1]),
+        *_parts("Looks before the plan", looks_section, results),
         part("Figures", *_figures(results, drawn)),
-        *(block for r in results for block in _replanning(r, several)),
-        *(block for r in results for block in _waits(r, several)),
-        *(block for r in results for block in _joints(r, several)),
-        *(_details(r, several) for r in results),
+        *_parts("During the motion", replanning_section, results),
+        *_parts("Waiting for images", waits_section, results),
+        *_parts("Joint path", joint_section, results),
+        *(part(_named("In detail", r, results), *_details(r)) for r in results),
         part(
             "How to reproduce this",
             section.reproduce(results),
@@ -124,13 +124,10 @@ def _animations(results: Sequence[RunResult], films: Sequence[bytes | None]) -> 
         return []
     if len(results) == 1:
         return [tag("section", *shown, class_="film")]
-    named = [tag("div", joined([tag("h3", _method(r)), s])) for r, s in zip(results, shown, strict=True)]
+    named = [
+        tag("div", joined([tag("h3", section.title_of(r)), s])) for r, s in zip(results, shown, strict=True)
+    ]
     return [tag("section", tag("h2", "The runs"), tag("div", *named, class_="columns of2"))]
-
-
-def _paper(results: Sequence[RunResult]) -> list[Markup]:
-    rows = section.paper_and_ours(results[0])
-    return [] if rows is None else [part("The paper's numbers and ours", rows)]
 
 
 def _figures(results: Sequence[RunResult], per_run: Sequence[Sequence[Drawing]]) -> list[Markup]:
@@ -155,8 +152,8 @@ def _beside_each_other(same: Sequence[tuple[RunResult, Drawing]], columns: int) 
     figures = []
     for result, drawing in same:
         words = [] if agreed else [tag("p", drawing.caption, class_="caption")]
-        named = tag("figcaption", tag("strong", _method(result)))
-        alternative = f"{drawing.title} {_method(result)}".strip()
+        named = tag("figcaption", tag("strong", section.title_of(result)))
+        alternative = f"{drawing.title} {section.title_of(result)}".strip()
         figures.append(tag("figure", named, in_page(drawing, alternative), *words))
     return [
         tag("h3", first.title),
@@ -169,38 +166,22 @@ def _is_wide(drawing: Drawing) -> bool:
     return float(drawing.figure.get_size_inches()[0]) > _WIDE
 
 
-def _joints(result: RunResult, several: bool) -> list[Markup]:
-    found = joint_section(result)
-    if found is None:
-        return []
-    return [part(f"Joint path: {_method(result)}" if several else "Joint path", found)]
+def _parts(
+    title: str, of: Callable[[RunResult], Markup | None], results: Sequence[RunResult]
+) -> list[Markup]:
+    """Return a part for every run that has it; of several runs each is named by its method."""
+    found = [(result, of(result)) for result in results]
+    return [part(_named(title, r, results), content) for r, content in found if content is not None]
 
 
-def _looks(result: RunResult, several: bool) -> list[Markup]:
-    found = looks_section(result)
-    if found is None:
-        return []
-    return [part(f"Looks before the plan: {_method(result)}" if several else "Looks before the plan", found)]
+def _named(title: str, result: RunResult, results: Sequence[RunResult]) -> str:
+    return f"{title}: {section.title_of(result)}" if len(results) > 1 else title
 
 
-def _replanning(result: RunResult, several: bool) -> list[Markup]:
-    found = replanning_section(result)
-    if found is None:
-        return []
-    return [part(f"During the motion: {_method(result)}" if several else "During the motion", found)]
-
-
-def _waits(result: RunResult, several: bool) -> list[Markup]:
-    found = waits_section(result)
-    if found is None:
-        return []
-    return [part(f"Waiting for images: {_method(result)}" if several else "Waiting for images", found)]
-
-
-def _details(result: RunResult, several: bool) -> Markup:
+def _details(result: RunResult) -> list[Markup]:
     """Return the tables for those who want to know exactly."""
     proof, risk, kept = section.certificate(result), section.risk(result), margin_parts(result)
-    parts = [
+    return [
         tag("details", tag("summary", "All metrics"), section.metrics(result)),
         *([tag("details", tag("summary", "Certificate"), proof)] if proof is not None else []),
         *([tag("details", tag("summary", "Uncertainty and risk"), risk)] if risk is not None else []),
@@ -208,8 +189,3 @@ def _details(result: RunResult, several: bool) -> Markup:
         tag("details", tag("summary", "Motion and structure"), estimate_table(result.estimate)),
         tag("details", tag("summary", "Computing times"), section.timings(result)),
     ]
-    return part(f"In detail: {_method(result)}" if several else "In detail", *parts)
-
-
-def _method(result: RunResult) -> str:
-    return section.title_of(result)

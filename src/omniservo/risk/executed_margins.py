@@ -9,7 +9,21 @@ from omniservo.cameras.unified_kernels import project_point
 from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.geometry.held import held
 from omniservo.geometry.kernel import kernel, leaf
-from omniservo.planning.certificate.margin_kinds import CIRCLE, CLEARANCE, DOMAIN, EDGE, LEAST
+from omniservo.planning.certificate.margin_kinds import (
+    CIRCLE,
+    CIRCLE_RADIUS,
+    CLEARANCE,
+    DOMAIN,
+    DOMAIN_ANGLE,
+    EDGE,
+    ENTRY_INDEX,
+    ENTRY_KIND,
+    ENTRY_SCALE,
+    LEAST,
+    MARGIN_PX,
+    PX_PER_UNIT,
+    XI,
+)
 from omniservo.planning.certificate.seen_margins import centre_margin, smallest_at
 from omniservo.planning.constraints.constraints import Constraints
 from omniservo.planning.constraints.place import AT, NORM, TX, TY, TZ
@@ -77,14 +91,14 @@ def executed_margins(
             for e in range(count):
                 if not active[i, e]:
                     continue
-                kind = int(entries[e, 0])
+                kind = int(entries[e, ENTRY_KIND])
                 if kind in (EDGE, CIRCLE, DOMAIN, LEAST):
                     _smallest(entries[e], constraints, optics, c, least)
                 else:
                     for k in range(size):
                         _pose_of(poses, k, pose)
                         if kind >= CLEARANCE:
-                            least[k] = centre_margin(kind, int(entries[e, 1]), constraints, pose)
+                            least[k] = centre_margin(kind, int(entries[e, ENTRY_INDEX]), constraints, pose)
                         else:
                             _seen_by(c, k, seen)
                             there = points[first + k]
@@ -159,11 +173,18 @@ def _smallest(
 
     The largest angle is that of the smallest cosine.
     """
-    kind, n = int(entry[0]), c.shape[0] // (4 * LANES)
+    kind, n = int(entry[ENTRY_KIND]), c.shape[0] // (4 * LANES)
     least[:] = math.inf
     for j in range(n):
         if kind == EDGE:
-            _lower_to_edge(constraints.limits[int(entry[1])], float(entry[2]), optics[0], c, j, least)
+            _lower_to_edge(
+                constraints.limits[int(entry[ENTRY_INDEX])],
+                float(entry[ENTRY_SCALE]),
+                optics[XI],
+                c,
+                j,
+                least,
+            )
         elif kind == CIRCLE:
             _lower_to_circle(optics, c, j, least)
         elif kind == LEAST:
@@ -173,7 +194,7 @@ def _smallest(
     if kind == DOMAIN:
         for k in range(LANES):
             cosine = least[k]
-            least[k] = optics[4] - math.atan2(math.sqrt(max(1.0 - cosine * cosine, 0.0)), cosine)
+            least[k] = optics[DOMAIN_ANGLE] - math.atan2(math.sqrt(max(1.0 - cosine * cosine, 0.0)), cosine)
 
 
 @leaf
@@ -197,7 +218,7 @@ def _lower_to_circle(optics: FloatArray, c: FloatArray, j: int, least: FloatArra
     """Lower ``least`` to what the circle leaves to point j."""
     o = np.uint64(4 * j) * SIDE
     o1, o2, o3 = o + SIDE, o + SIDE + SIDE, o + SIDE + SIDE + SIDE
-    xi, radius, size, margin = optics[0], optics[1], optics[2], optics[3]
+    xi, radius, size, margin = optics[XI], optics[CIRCLE_RADIUS], optics[PX_PER_UNIT], optics[MARGIN_PX]
     for k in range(SIDE):
         x, y, z, rho = c[o + k], c[o1 + k], c[o2 + k], 1.0 / c[o3 + k]
         d = z + xi * rho

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from omniservo.errors import ServoStop
-from omniservo.geometry.arrays import FloatArray
+from omniservo.geometry.polyline import offsets_from_line
 from omniservo.robots import JointPath
 from omniservo.safety.supervised_robot import SupervisedRobot
 from omniservo.servoing import PathLimits, RestToRestLaw
@@ -61,7 +61,8 @@ def follow_joints(supervisor: SupervisedRobot, path: JointPath, within: float) -
             supervisor.image()
             state = supervisor.read()
             time, joints = state.time - begin, state.joint_positions
-            if (off := _off(line, joints)) > within:
+            off = float(np.abs(offsets_from_line(line, joints)).max(axis=1).min())
+            if off > within:
                 raise OffPath(f"a joint is {off:.2g} rad off its path; at most {within:g} rad is allowed")
             if time >= law.duration and np.abs(joints - end).max() <= SETTLED:
                 break
@@ -76,11 +77,3 @@ def follow_joints(supervisor: SupervisedRobot, path: JointPath, within: float) -
     supervisor.stop()
     supervisor.wait(0.1)
     return supervisor.read().time - begin
-
-
-def _off(line: FloatArray, joints: FloatArray) -> float:
-    """Return how far joints (n,) are from the nearest of places (k, n), straight between them [rad]."""
-    steps = np.diff(line, axis=0)
-    length = np.maximum((steps**2).sum(axis=1), 1e-300)
-    share = np.clip(((joints - line[:-1]) * steps).sum(axis=1) / length, 0.0, 1.0)
-    return float(np.abs(joints - line[:-1] - share[:, None] * steps).max(axis=1).min())

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any, get_args
+from typing import Any
 
-from pydantic import AliasChoices
-from pydantic.fields import FieldInfo
 from pydantic.json_schema import GenerateJsonSchema
 
 from omniservo.field_docs import _fields_of  # what `help` shows of dataclasses; these are models
@@ -16,7 +13,7 @@ from omniservo.schemas.result_schemas import UNITS_FIELD
 from omniservo.schemas.shapes import NUMBER, TEXT, Schema, either, mapping, nullable, said, several
 from omniservo.tasks.robot_file import FORMAT as ROBOT
 from omniservo.tasks.robot_file import RobotFile
-from omniservo.tasks.section import Section
+from omniservo.tasks.section import Section, names_in_file, sections_in
 from omniservo.tasks.task import FORMAT as TASK
 from omniservo.tasks.task import Task
 
@@ -94,7 +91,7 @@ def _describe(schema: Schema, section: type[Section]) -> None:
     """Add what stands under the fields in the source, and the names that they have in older files."""
     words = {name: text for cls in reversed(section.__mro__) for name, text in _fields_of(cls).items()}
     for name, field in section.model_fields.items():
-        names = _names(name, field)
+        names = names_in_file(name, field)
         described = schema["properties"].setdefault(names[0], {})
         if name in words and words[name] != str(section.__annotations__.get(name)):
             described["description"] = " ".join(words[name].split())
@@ -107,12 +104,6 @@ def _describe(schema: Schema, section: type[Section]) -> None:
             schema["not"] = {"required": names}
 
 
-def _names(name: str, field: FieldInfo) -> list[str]:
-    if isinstance(field.validation_alias, AliasChoices):
-        return [str(choice) for choice in field.validation_alias.choices]
-    return [str(field.validation_alias or field.alias or name)]
-
-
 def _sections(section: type[Section]) -> set[type[Section]]:
     """Return a section with all that stand inside of it."""
     found, waiting = set(), [section]
@@ -120,12 +111,5 @@ def _sections(section: type[Section]) -> set[type[Section]]:
         one = waiting.pop()
         if one not in found:
             found.add(one)
-            waiting += [s for field in one.model_fields.values() for s in _sections_in(field.annotation)]
+            waiting += [s for field in one.model_fields.values() for s in sections_in(field.annotation)]
     return found
-
-
-def _sections_in(annotation: Any) -> Iterator[type[Section]]:
-    if isinstance(annotation, type) and issubclass(annotation, Section):
-        yield annotation
-    for inner in get_args(annotation):
-        yield from _sections_in(inner)

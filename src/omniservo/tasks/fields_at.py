@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Any, get_args
+from typing import get_args
 
-from pydantic import AliasChoices
-from pydantic.fields import FieldInfo
-
-from omniservo.tasks.section import Section
+from omniservo.tasks.section import Section, names_in_file, sections_in
 
 
 def fields_at(place: Sequence[str | int], document: type[Section]) -> tuple[str, ...]:
@@ -21,31 +18,17 @@ def fields_at(place: Sequence[str | int], document: type[Section]) -> tuple[str,
         inner = [s for section in sections for s in _sections_of(section, part)]
         kinds = [s for s in sections if part == _kind(s)]
         sections = inner or kinds or sections
-    found = (_names(n, field)[0] for section in sections for n, field in section.model_fields.items())
+    found = (names_in_file(n, field)[0] for section in sections for n, field in section.model_fields.items())
     return tuple(dict.fromkeys(found))
 
 
 def _sections_of(section: type[Section], part: str | int) -> Iterator[type[Section]]:
     for name, field in section.model_fields.items():
-        if part in _names(name, field):
-            yield from _sections_in(field.annotation)
-
-
-def _sections_in(annotation: Any) -> Iterator[type[Section]]:
-    if isinstance(annotation, type) and issubclass(annotation, Section):
-        yield annotation
-    for inner in get_args(annotation):
-        yield from _sections_in(inner)
+        if part in names_in_file(name, field):
+            yield from sections_in(field.annotation)
 
 
 def _kind(section: type[Section]) -> str | None:
     """Return what ``type`` says in a section of this class."""
     field = section.model_fields.get("type")
     return None if field is None else str(get_args(field.annotation)[0])
-
-
-def _names(name: str, field: FieldInfo) -> list[str]:
-    """Return a field's names in the file, those of older files last."""
-    if isinstance(field.validation_alias, AliasChoices):
-        return [str(choice) for choice in field.validation_alias.choices]
-    return [str(field.validation_alias or name)]

@@ -170,11 +170,6 @@ def first_problem(error: ValidationError, source: str, document: type[Section]) 
         legal = fields_at(problem["loc"][:-1], document)
         given = problem["loc"][-1]
         return f"{source}: {field}: no such field; legal: {', '.join(legal)}{did_you_mean(given, legal)}"
-    given = "" if problem["type"] == "missing" else f"; {_shortened(problem['input'])} given"
+    given = "" if problem["type"] == "missing" else f"; {spelled(problem['input'])} given"
     more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
     return f"{source}: {field}: {problem['msg']}{given}{more}"
-
-
-def _shortened(value: object) -> str:
-    text = repr(value)
-    return text if len(text) <= 80 else text[:77] + "..."

@@ -15,10 +15,8 @@ from omniservo.planning import Box, Capsule, Cloud, Cylinder, Ellipsoid, HalfSpa
 from omniservo.planning.checks import NEAR_UNIT
 from omniservo.planning.obstacles.cloud import MOST_CLOUD_POINTS
 from omniservo.planning.obstacles.mesh import MOST_GIVEN
-from omniservo.tasks.framed import Framed
-from omniservo.tasks.placed import Block, Placed
+from omniservo.tasks.placed import Block, Framed, Placed, Turned
 from omniservo.tasks.quantities import Direction, Length, NonNegativeLength, Point, PositiveLength
-from omniservo.tasks.turned import Turned
 
 
 class _Obstacle(Framed):

@@ -10,8 +10,7 @@ from scipy.spatial.transform import RigidTransform
 from omniservo import targets
 from omniservo.errors import InputError
 from omniservo.tag_dictionaries import dictionary_size
-from omniservo.tasks.framed import Framed
-from omniservo.tasks.placed import Block, Placed
+from omniservo.tasks.placed import Block, Framed, Placed
 from omniservo.tasks.quantities import Direction, Point, PositiveLength
 from omniservo.tasks.section import Section
 

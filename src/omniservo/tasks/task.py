@@ -27,17 +27,15 @@ from omniservo.planning import Workspace
 from omniservo.renamed import renamed_attribute
 from omniservo.replanning.frame_change import seen_workspace
 from omniservo.robots import TrackingTube
-from omniservo.tasks.framed import Frame
 from omniservo.tasks.move import Move
 from omniservo.tasks.obstacles import ObstacleSection
-from omniservo.tasks.placed import FramedBlock
+from omniservo.tasks.placed import Frame, FramedBlock, Turned
 from omniservo.tasks.quantities import Angle, NonNegativeLength, Point, PositiveLength
 from omniservo.tasks.section import Section
 from omniservo.tasks.sensor import SensorSection
 from omniservo.tasks.simulation import SimulationSection
 from omniservo.tasks.target import TargetSection
 from omniservo.tasks.task_sources import TaskSources
-from omniservo.tasks.turned import Turned
 
 FORMAT = "omniservo.task/1"
 """The task format that this version reads."""

@@ -15,6 +15,7 @@ from omniservo.estimation import refine_pose
 from omniservo.estimation.refinement.refine_pose import refined_matrix
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array, finite_number
+from omniservo.renamed import renamed_attribute
 from omniservo.servoing import ImageServo, MeasuredPose, ServoMeasurement, ServoMethod
 from omniservo.servoing.control_law import limit_twist
 
@@ -50,17 +51,19 @@ class GoalServoReport:
     """(n, 2) the goal image's points [px]"""
     goal_error_px: float
     """rms distance of the points to the goal image [px]"""
-    matrix: FloatArray
+    pose_matrix: FloatArray
     """(4, 4) of `initial_T_camera`"""
     limited: bool
     """the twist was scaled down to a speed limit"""
     w: float = math.nan
     """no path"""
 
+    matrix = renamed_attribute("matrix", "pose_matrix")
+
     @property
     def initial_T_camera(self) -> RigidTransform:
         """The camera's pose, from the image."""
-        return RigidTransform(self.matrix, normalize=False)
+        return RigidTransform(self.pose_matrix, normalize=False)
 
     @property
     def error_px(self) -> float:

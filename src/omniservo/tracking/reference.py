@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray
+from omniservo.geometry.polyline import offsets_from_line
 from omniservo.planning import CameraPath
 from omniservo.servoing import Pause
 from omniservo.tracking.leg import Leg
@@ -96,7 +97,8 @@ class Reference:
         begin = self.pose(0.0)
         there = Rotation.from_quat(begin[:4]).apply(place) + begin[4:]
         ends = [*(leg.law(after.time)[0] for leg, after in pairwise(self.legs)), 1.0]
-        return min(_beside(_line(leg.path, s), there) for leg, s in zip(self.legs, ends, strict=True))
+        lines = (_line(leg.path, s) for leg, s in zip(self.legs, ends, strict=True))
+        return min(float(np.linalg.norm(offsets_from_line(line, there), axis=1).min()) for line in lines)
 
     def places(self, time: float, slowing: float) -> FloatArray:
         """Return places (k, 3) [m] up to where it stands if it slows down from ``time`` on so long [s]."""
@@ -118,11 +120,3 @@ def _state(leg: Leg, time: float) -> tuple[float, float, FloatArray, FloatArray]
 def _line(path: CameraPath, end: float) -> FloatArray:
     """Return places (k, 3) along a path up to an end [m]."""
     return np.ascontiguousarray(path(np.linspace(0.0, end, _LINE)).translation)
-
-
-def _beside(line: FloatArray, place: FloatArray) -> float:
-    """Return how far a place (3,) is from the nearest of places (k, 3), straight between them [m]."""
-    steps = np.diff(line, axis=0)
-    length = np.maximum((steps**2).sum(axis=1), 1e-300)
-    share = np.clip(((place - line[:-1]) * steps).sum(axis=1) / length, 0.0, 1.0)
-    return float(np.linalg.norm(place - line[:-1] - share[:, None] * steps, axis=1).min())

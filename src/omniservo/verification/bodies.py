@@ -1,10 +1,10 @@
 """Boxes and capsules: a core, and all that is at most ``radius`` away from it. The box's core is the box."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from math import sqrt
-from typing import Protocol
 
 from omniservo.verification.fields import Vector
 from omniservo.verification.motion import Motion
@@ -13,36 +13,48 @@ from omniservo.verification.work import spend, spend_on_fractions
 _HALVINGS = 60
 
 
-class Body(Protocol):
+class Body(ABC):
     """A convex obstacle."""
 
-    @property
-    def radius(self) -> Fraction:
-        """How far the body reaches beyond its core [m]."""
+    radius: Fraction
+    """how far it reaches beyond its core [m]"""
+    clearance: Fraction
+    """what the camera centre keeps from it [m]"""
+    motion: Motion | None
+    """how it moves"""
 
-    @property
-    def clearance(self) -> Fraction:
-        """What the camera centre keeps from it [m]."""
-
-    @property
-    def motion(self) -> Motion | None:
-        """How it moves."""
-
+    @abstractmethod
     def support(self, normal: Vector) -> Fraction:
         """Return the greatest n·x over the core."""
 
+    @abstractmethod
     def nearer(self, x: Vector, distance: Fraction) -> bool:
         """Is x less than ``distance`` away from the core; negative: deeper in it than that?"""
 
+    @abstractmethod
     def from_core(self, x: Sequence[float]) -> tuple[float, tuple[float, ...]]:
         """Return x's distance to the core (negative: depth) and direction, in floating point: a hint only."""
 
     def share_of(self, start: Sequence[float], end: Sequence[float]) -> float:
-        """Return where on the segment it is nearest to the core, in floating point: a hint only."""
+        """Return where on the segment it is nearest to the core, in floating point: a hint only.
+
+        The distance to the core is convex along it.
+        """
+        low, high = 0.0, 1.0
+        spend(_HALVINGS * 300)
+        for _ in range(_HALVINGS):
+            third = (high - low) / 3
+            at = self.from_core(between(start, end, low + third))[0]
+            if at <= self.from_core(between(start, end, high - third))[0]:
+                high -= third
+            else:
+                low += third
+        shares = (low, high, (low + high) / 2)
+        return min(shares, key=lambda share: self.from_core(between(start, end, share))[0])
 
 
 @dataclass(frozen=True)
-class Box:
+class Box(Body):
     """The points center + Σ yₖ axesₖ with |yₖ| ≤ half_extentsₖ; the axes are exact and of length 1."""
 
     center: Vector
@@ -80,13 +92,9 @@ class Box:
         signed = [-b if y < 0 else b for b, y in zip(weights, along, strict=True)]
         return size, tuple(sum(s * a[i] for s, a in zip(signed, axes, strict=True)) for i in range(3))
 
-    def share_of(self, start: Sequence[float], end: Sequence[float]) -> float:
-        """Return where on the segment it is nearest to the box."""
-        return between_nearest(self, start, end)
-
 
 @dataclass(frozen=True)
-class Capsule:
+class Capsule(Body):
     """The points at most ``radius`` away from the segment from start to end."""
 
     start: Vector
@@ -119,10 +127,6 @@ class Capsule:
         apart = tuple(o - share * a for o, a in zip(offset, along, strict=True))
         return sqrt(sum(a * a for a in apart)), apart
 
-    def share_of(self, start: Sequence[float], end: Sequence[float]) -> float:
-        """Return where on the segment it is nearest to the capsule's own."""
-        return between_nearest(self, start, end)
-
 
 def dot(a: Sequence[Fraction], b: Sequence[Fraction]) -> Fraction:
     """Return a·b."""
@@ -145,18 +149,3 @@ def axes_of(quaternion: Vector) -> tuple[Vector, ...]:
 def between(start: Sequence[float], end: Sequence[float], share: float) -> list[float]:
     """Return start + share·(end − start)."""
     return [a + share * (b - a) for a, b in zip(start, end, strict=True)]
-
-
-def between_nearest(body: Body, start: Sequence[float], end: Sequence[float]) -> float:
-    """Return where on the segment the distance to the core, which is convex along it, is smallest."""
-    low, high = 0.0, 1.0
-    spend(_HALVINGS * 300)
-    for _ in range(_HALVINGS):
-        third = (high - low) / 3
-        at = body.from_core(between(start, end, low + third))[0]
-        if at <= body.from_core(between(start, end, high - third))[0]:
-            high -= third
-        else:
-            low += third
-    shares = (low, high, (low + high) / 2)
-    return min(shares, key=lambda share: body.from_core(between(start, end, share))[0])

@@ -8,7 +8,7 @@ from math import sqrt
 from operator import mul
 from typing import TypeVar
 
-from omniservo.verification.bodies import dot
+from omniservo.verification.bodies import Body, dot
 from omniservo.verification.fields import Vector
 from omniservo.verification.motion import Motion
 from omniservo.verification.nearest_point import Corner, Point, nearest
@@ -20,7 +20,7 @@ Number = TypeVar("Number", int, Fraction)
 
 
 @dataclass(frozen=True)
-class Mesh:
+class Mesh(Body):
     """The convex hull of vertices/scale."""
 
     vertices: tuple[Integers, ...]

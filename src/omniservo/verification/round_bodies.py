@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from math import copysign, sqrt
 
-from omniservo.verification.bodies import between_nearest, dot
+from omniservo.verification.bodies import Body, dot
 from omniservo.verification.enclosures import root_above, root_below
 from omniservo.verification.fields import Vector
 from omniservo.verification.motion import Motion
@@ -14,7 +14,7 @@ _NEWTON_STEPS = 100
 
 
 @dataclass(frozen=True)
-class Cylinder:
+class Cylinder(Body):
     """The points between two discs of radius ``across`` about start and end, across end − start."""
 
     start: Vector
@@ -69,17 +69,13 @@ class Cylinder:
         up = copysign(weights[0], height)
         return size, tuple(up * a + weights[1] * b for a, b in zip(axis, across, strict=True))
 
-    def share_of(self, start: Sequence[float], end: Sequence[float]) -> float:
-        """Return where on the segment it is nearest to the cylinder."""
-        return between_nearest(self, start, end)
-
     @property
     def _along(self) -> Vector:
         return _minus(self.end, self.start)
 
 
 @dataclass(frozen=True)
-class Ellipsoid:
+class Ellipsoid(Body):
     """The points center + Σ yₖ axesₖ with Σ (yₖ/radiiₖ)² ≤ 1; the axes are exact and of length 1."""
 
     center: Vector
@@ -117,10 +113,6 @@ class Ellipsoid:
         along = [sum(p * q for p, q in zip(offset, a, strict=True)) for a in axes]
         size, _, normal = self._nearest(along)
         return size, tuple(sum(n * a[i] for n, a in zip(normal, axes, strict=True)) for i in range(3))
-
-    def share_of(self, start: Sequence[float], end: Sequence[float]) -> float:
-        """Return where on the segment it is nearest to the ellipsoid."""
-        return between_nearest(self, start, end)
 
     def _own(self, x: Vector) -> Vector:
         offset = _minus(x, self.center)

@@ -7,12 +7,7 @@ import math
 
 import numpy as np
 
-from omniservo.cameras.models.block_kernels import (
-    read_pixels,
-    read_points,
-    write_bearings,
-    write_pixels,
-)
+from omniservo.cameras.models.block_kernels import project_blocks, read_pixels, write_bearings
 from omniservo.cameras.models.plane_kernels import (
     COSINE,
     CX,
@@ -212,13 +207,7 @@ def _distort(p: FloatArray, x: FloatArray, y: FloatArray, z: FloatArray) -> None
 @kernel
 def project_pinhole(p: FloatArray, points: FloatArray, pixels: FloatArray, valid: BoolArray) -> None:
     """Project each row of ``points`` (n, 3) into ``pixels`` (n, 2) and ``valid`` (n,)."""
-    block_x, block_y, block_z = np.empty(BLOCK), np.empty(BLOCK), np.empty(BLOCK)
-    for start in range(0, points.shape[0], BLOCK):
-        stop = min(start + BLOCK, points.shape[0])
-        x, y, z = block_x[: stop - start], block_y[: stop - start], block_z[: stop - start]
-        read_points(p, points[start:stop], x, y, z)
-        _distort(p, x, y, z)
-        write_pixels(p, x, y, pixels[start:stop], valid[start:stop])
+    project_blocks(_distort, p, points, pixels, valid)
 
 
 @leaf

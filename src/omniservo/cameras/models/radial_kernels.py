@@ -11,8 +11,13 @@ import math
 import numpy as np
 
 from omniservo.cameras.models.arc_tangent import arc_tangent
-from omniservo.cameras.models.block_kernels import read_points, write_pixels
-from omniservo.cameras.models.plane_kernels import OWN, plane_point, write_bearing
+from omniservo.cameras.models.block_kernels import (
+    project_blocks,
+    read_points,
+    unproject_each,
+    write_pixels,
+)
+from omniservo.cameras.models.plane_kernels import OWN
 from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.geometry.kernel import BLOCK, inlined, kernel, leaf
 
@@ -76,8 +81,8 @@ def _angle_of_radius(p: FloatArray, r: float, theta: float, low: float, high: fl
     return theta
 
 
-@inlined
-def kannala_brandt_bearing(p: FloatArray, mx: float, my: float) -> tuple[float, float, float, bool]:
+@leaf
+def _kannala_brandt_bearing(p: FloatArray, mx: float, my: float) -> tuple[float, float, float, bool]:
     """Return the bearing of a point of the plane in the domain: r(θ) = ‖m‖ solved for θ."""
     r = math.sqrt(mx * mx + my * my)
     theta, low, high = table_value(p, THETAS, r * p[PER_STEP])
@@ -168,8 +173,8 @@ def _ocam_plane(
         x[i], y[i] = scale * x[i] if (side[i] > 0.0) | (z[i] > 0.0) else math.nan, scale * y[i]
 
 
-@inlined
-def ocam_bearing(p: FloatArray, mx: float, my: float) -> tuple[float, float, float, bool]:
+@leaf
+def _ocam_bearing(p: FloatArray, mx: float, my: float) -> tuple[float, float, float, bool]:
     """Return the unit vector along (x, y, −f(ρ)), f(ρ) = a0 + a1 ρ + a2 ρ² + …."""
     radius = math.sqrt(mx * mx + my * my)
     value = 0.0
@@ -197,13 +202,7 @@ def _kannala_brandt_plane(p: FloatArray, x: FloatArray, y: FloatArray, z: FloatA
 @kernel
 def project_kannala_brandt(p: FloatArray, points: FloatArray, pixels: FloatArray, valid: BoolArray) -> None:
     """Project each row of ``points`` (n, 3) into ``pixels`` (n, 2) and ``valid`` (n,)."""
-    block_x, block_y, block_z = np.empty(BLOCK), np.empty(BLOCK), np.empty(BLOCK)
-    for start in range(0, points.shape[0], BLOCK):
-        stop = min(start + BLOCK, points.shape[0])
-        x, y, z = block_x[: stop - start], block_y[: stop - start], block_z[: stop - start]
-        read_points(p, points[start:stop], x, y, z)
-        _kannala_brandt_plane(p, x, y, z)
-        write_pixels(p, x, y, pixels[start:stop], valid[start:stop])
+    project_blocks(_kannala_brandt_plane, p, points, pixels, valid)
 
 
 @leaf
@@ -211,12 +210,7 @@ def unproject_kannala_brandt(
     p: FloatArray, pixels: FloatArray, bearings: FloatArray, valid: BoolArray
 ) -> None:
     """Unproject each row of ``pixels`` (n, 2) into ``bearings`` (n, 3) and ``valid`` (n,)."""
-    for i in range(pixels.shape[0]):
-        mx, my, ok = plane_point(p, pixels[i, 0], pixels[i, 1])
-        x, y, z = math.nan, math.nan, math.nan
-        if ok:
-            x, y, z, ok = kannala_brandt_bearing(p, mx, my)
-        write_bearing(p, x, y, z, ok, i, bearings, valid)
+    unproject_each(_kannala_brandt_bearing, p, pixels, bearings, valid)
 
 
 @kernel
@@ -236,9 +230,4 @@ def project_ocam(p: FloatArray, points: FloatArray, pixels: FloatArray, valid: B
 @leaf
 def unproject_ocam(p: FloatArray, pixels: FloatArray, bearings: FloatArray, valid: BoolArray) -> None:
     """Unproject each row of ``pixels`` (n, 2) into ``bearings`` (n, 3) and ``valid`` (n,)."""
-    for i in range(pixels.shape[0]):
-        mx, my, ok = plane_point(p, pixels[i, 0], pixels[i, 1])
-        x, y, z = math.nan, math.nan, math.nan
-        if ok:
-            x, y, z, ok = ocam_bearing(p, mx, my)
-        write_bearing(p, x, y, z, ok, i, bearings, valid)
+    unproject_each(_ocam_bearing, p, pixels, bearings, valid)

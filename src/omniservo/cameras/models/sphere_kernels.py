@@ -5,20 +5,11 @@ Every function takes a lens's ``parameters``; `plane_kernels` names the places t
 
 import math
 
-import numpy as np
-
 from omniservo.cameras.models.arc_tangent import arc_tangent
-from omniservo.cameras.models.block_kernels import read_points, write_pixels
-from omniservo.cameras.models.plane_kernels import (
-    COSINE,
-    OWN,
-    distance_in_domain,
-    plane_point,
-    write_bearing,
-    write_pixel,
-)
+from omniservo.cameras.models.block_kernels import project_blocks, unproject_each
+from omniservo.cameras.models.plane_kernels import COSINE, OWN, distance_in_domain, write_pixel
 from omniservo.geometry.arrays import BoolArray, FloatArray
-from omniservo.geometry.kernel import BLOCK, kernel, leaf
+from omniservo.geometry.kernel import kernel, leaf
 
 ALPHA, BETA = range(OWN, OWN + 2)
 """the places of the extended unified model's own parameters; α is the double sphere's, too"""
@@ -43,7 +34,7 @@ def _height(alpha: float, s: float) -> float:
 
 
 @leaf
-def extended_plane(p: FloatArray, x: float, y: float, z: float) -> tuple[float, float, bool]:
+def _extended_plane(p: FloatArray, x: float, y: float, z: float) -> tuple[float, float, bool]:
     """Return m = (X, Y)/(αd + (1−α)Z) with d = √(β(X² + Y²) + Z²)."""
     d = math.sqrt(p[BETA] * (x * x + y * y) + z * z)
     denominator = p[ALPHA] * d + (1.0 - p[ALPHA]) * z
@@ -51,7 +42,7 @@ def extended_plane(p: FloatArray, x: float, y: float, z: float) -> tuple[float, 
 
 
 @leaf
-def extended_bearing(p: FloatArray, mx: float, my: float) -> tuple[float, float, float, bool]:
+def _extended_bearing(p: FloatArray, mx: float, my: float) -> tuple[float, float, float, bool]:
     """Return the unit vector along (m, (1 − βα²r²)/(α√(1 − (2α−1)βr²) + 1 − α))."""
     z = _height(p[ALPHA], p[BETA] * (mx * mx + my * my))
     scale = 1.0 / math.sqrt(mx * mx + my * my + z * z)
@@ -59,7 +50,9 @@ def extended_bearing(p: FloatArray, mx: float, my: float) -> tuple[float, float,
 
 
 @leaf
-def double_sphere_plane(p: FloatArray, x: float, y: float, z: float, rho: float) -> tuple[float, float, bool]:
+def _double_sphere_plane(
+    p: FloatArray, x: float, y: float, z: float, rho: float
+) -> tuple[float, float, bool]:
     """Return m = (X, Y)/(αd + (1−α)Z′) with Z′ = Z + ξρ and d = ‖(X, Y, Z′)‖."""
     shifted = z + p[XI] * rho
     d = math.sqrt(x * x + y * y + shifted * shifted)
@@ -68,7 +61,7 @@ def double_sphere_plane(p: FloatArray, x: float, y: float, z: float, rho: float)
 
 
 @leaf
-def double_sphere_bearing(p: FloatArray, mx: float, my: float) -> tuple[float, float, float, bool]:
+def _double_sphere_bearing(p: FloatArray, mx: float, my: float) -> tuple[float, float, float, bool]:
     """Return η(m, m_z) − (0, 0, ξ): m_z from the inner sphere, η to the outer."""
     alpha, xi, s = p[ALPHA], p[XI], mx * mx + my * my
     mz = _height(alpha, s)
@@ -95,7 +88,7 @@ def _equirectangular_plane(p: FloatArray, x: FloatArray, y: FloatArray, z: Float
 
 
 @leaf
-def equirectangular_bearing(p: FloatArray, u: float, v: float) -> tuple[float, float, float, bool]:
+def _equirectangular_bearing(p: FloatArray, u: float, v: float) -> tuple[float, float, float, bool]:
     """Return (cos φ sin λ, sin φ, cos φ cos λ)."""
     across, down = (u + 0.5) / p[WIDTH], (v + 0.5) / p[HEIGHT]
     if not (-1e-14 <= across < 1.0 - _RIM and _RIM * 0.99 <= down <= 1.0 - _RIM * 0.99):
@@ -114,19 +107,14 @@ def project_extended(p: FloatArray, points: FloatArray, pixels: FloatArray, vali
         _, ok = distance_in_domain(p, x, y, z)
         mx, my = math.nan, math.nan
         if ok:
-            mx, my, ok = extended_plane(p, x, y, z)
+            mx, my, ok = _extended_plane(p, x, y, z)
         write_pixel(p, mx, my, ok, i, pixels, valid)
 
 
 @leaf
 def unproject_extended(p: FloatArray, pixels: FloatArray, bearings: FloatArray, valid: BoolArray) -> None:
     """Unproject each row of ``pixels`` (n, 2) into ``bearings`` (n, 3) and ``valid`` (n,)."""
-    for i in range(pixels.shape[0]):
-        mx, my, ok = plane_point(p, pixels[i, 0], pixels[i, 1])
-        x, y, z = math.nan, math.nan, math.nan
-        if ok:
-            x, y, z, ok = extended_bearing(p, mx, my)
-        write_bearing(p, x, y, z, ok, i, bearings, valid)
+    unproject_each(_extended_bearing, p, pixels, bearings, valid)
 
 
 @leaf
@@ -137,7 +125,7 @@ def project_double_sphere(p: FloatArray, points: FloatArray, pixels: FloatArray,
         rho, ok = distance_in_domain(p, x, y, z)
         mx, my = math.nan, math.nan
         if ok:
-            mx, my, ok = double_sphere_plane(p, x, y, z, rho)
+            mx, my, ok = _double_sphere_plane(p, x, y, z, rho)
         write_pixel(p, mx, my, ok, i, pixels, valid)
 
 
@@ -146,24 +134,13 @@ def unproject_double_sphere(
     p: FloatArray, pixels: FloatArray, bearings: FloatArray, valid: BoolArray
 ) -> None:
     """Unproject each row of ``pixels`` (n, 2) into ``bearings`` (n, 3) and ``valid`` (n,)."""
-    for i in range(pixels.shape[0]):
-        mx, my, ok = plane_point(p, pixels[i, 0], pixels[i, 1])
-        x, y, z = math.nan, math.nan, math.nan
-        if ok:
-            x, y, z, ok = double_sphere_bearing(p, mx, my)
-        write_bearing(p, x, y, z, ok, i, bearings, valid)
+    unproject_each(_double_sphere_bearing, p, pixels, bearings, valid)
 
 
 @kernel
 def project_equirectangular(p: FloatArray, points: FloatArray, pixels: FloatArray, valid: BoolArray) -> None:
     """Project each row of ``points`` (n, 3) into ``pixels`` (n, 2) and ``valid`` (n,)."""
-    block_x, block_y, block_z = np.empty(BLOCK), np.empty(BLOCK), np.empty(BLOCK)
-    for start in range(0, points.shape[0], BLOCK):
-        stop = min(start + BLOCK, points.shape[0])
-        x, y, z = block_x[: stop - start], block_y[: stop - start], block_z[: stop - start]
-        read_points(p, points[start:stop], x, y, z)
-        _equirectangular_plane(p, x, y, z)
-        write_pixels(p, x, y, pixels[start:stop], valid[start:stop])
+    project_blocks(_equirectangular_plane, p, points, pixels, valid)
 
 
 @leaf
@@ -171,9 +148,4 @@ def unproject_equirectangular(
     p: FloatArray, pixels: FloatArray, bearings: FloatArray, valid: BoolArray
 ) -> None:
     """Unproject each row of ``pixels`` (n, 2) into ``bearings`` (n, 3) and ``valid`` (n,)."""
-    for i in range(pixels.shape[0]):
-        mx, my, ok = plane_point(p, pixels[i, 0], pixels[i, 1])
-        x, y, z = math.nan, math.nan, math.nan
-        if ok:
-            x, y, z, ok = equirectangular_bearing(p, mx, my)
-        write_bearing(p, x, y, z, ok, i, bearings, valid)
+    unproject_each(_equirectangular_bearing, p, pixels, bearings, valid)

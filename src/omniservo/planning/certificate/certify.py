@@ -39,14 +39,14 @@ def certify(problem: PlanningProblem, path: CameraPath) -> tuple[Verdict, Certif
     table = margins.path_margins(constraints, optics, asked, rotation, translation)
     found = [
         ConstraintMargin(
-            f"{e.name} (point {int(row[2])})" if e.about_point else e.name,
-            float(row[0]),
+            f"{e.name} (point {int(row[margins.POINT])})" if e.about_point else e.name,
+            float(row[margins.MARGIN]),
             e.unit,
-            float(row[1]),
+            float(row[margins.AT_W]),
         )
         for e, row in zip(entries, table, strict=True)
     ]
-    statuses = [int(status) for status in table[:, 3]]
+    statuses = [int(status) for status in table[:, margins.STATUS]]
     polygon: FloatArray | None = None
     if problem.camera.is_distorted:
         more, more_statuses, polygon = distorted_margins(problem, constraints, rotation, translation)

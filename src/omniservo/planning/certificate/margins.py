@@ -1,6 +1,6 @@
 """How much of every constraint is left along a path: found by looking, then proven (docs/certificate.md).
 
-An entry is a row (kind, index, scale) of floats; a margin is in its unit, beyond what the problem asks for.
+An entry is a row of floats, see `margin_kinds`; a margin is in its unit, beyond what the problem asks for.
 """
 
 import math
@@ -13,15 +13,15 @@ from omniservo.geometry.kernel import inlined, kernel
 from omniservo.geometry.polynomial import bernstein_from_power, set_basis
 from omniservo.geometry.subdivision import PROVEN, REFUTED, UNDECIDED
 from omniservo.planning.bernstein_path import camera_controls, camera_count
-from omniservo.planning.certificate.margin_kinds import (
-    CLEARANCE,
-    MASK,
-)
+from omniservo.planning.certificate.margin_kinds import CLEARANCE, ENTRY_INDEX, ENTRY_KIND, ENTRY_STEP, MASK
 from omniservo.planning.certificate.proven_margins import prove_space, prove_view
 from omniservo.planning.certificate.seen_margins import smallest_at, sphere_margin
 from omniservo.planning.constraints.constraints import Constraints
 from omniservo.planning.constraints.path_forms import ViewForms, path_forms
 from omniservo.planning.constraints.place import AT, place
+
+MARGIN, AT_W, POINT, STATUS = range(4)
+"""The places of a row of the table of margins."""
 
 LOOKS = 32
 """The path is checked so many times, evenly, before every minimum is refined."""
@@ -86,7 +86,7 @@ def look(
     pose, c, turn = np.empty(14), np.empty((constraints.points.shape[0], 4)), np.empty((3, 4))
     rotation_basis, translation_basis = np.empty((1, phi.shape[1])), np.empty((1, t.shape[1]))
     for e in range(count):
-        table[e, 0] = math.inf
+        table[e, MARGIN] = math.inf
     for step in range(LOOKS + 1):
         w = step / LOOKS
         set_basis(rotation_basis, 0, w)
@@ -94,12 +94,12 @@ def look(
         place(phi, t, rotation_basis[0], translation_basis[0], constraints.points, pose, c, turn)
         pose[AT] = w
         for e in range(count):
-            if entries[e, 0] == CLEARANCE:  # there may be thousands
-                margin, about = sphere_margin(constraints.obstacles, int(entries[e, 1]), pose), 0
+            if entries[e, ENTRY_KIND] == CLEARANCE:  # there may be thousands
+                margin, about = sphere_margin(constraints.obstacles, int(entries[e, ENTRY_INDEX]), pose), 0
             else:
                 margin, about = smallest_at(entries[e], constraints, optics, pose, c, constraints.points)
-            if not margin >= table[e, 0]:
-                table[e, 0], table[e, 1], table[e, 2] = margin, w, about
+            if not margin >= table[e, MARGIN]:
+                table[e, MARGIN], table[e, AT_W], table[e, POINT] = margin, w, about
 
 
 @kernel
@@ -117,9 +117,8 @@ def path_margins(
 
     Args:
         constraints: the problem.
-        optics: ξ, the circle's radius on the plane m̄ before any margin, the least singular value of K's 2×2
-            block [px], the visibility margin [px], the domain's angle [rad].
-        entries: (e, 4): kind, index, scale, first step below the smallest margin seen.
+        optics: see `margin_kinds`.
+        entries: (e, 4), see there; their step is the first below the smallest margin seen.
         rotation: (4, σ+1), highest power first.
         translation: (3, τ+1) [m], highest power first.
     """
@@ -132,29 +131,31 @@ def path_margins(
     view = ViewForms(controls, errors, float(camera_count(rotation.shape[1] - 1, translation.shape[1] - 1)))
     for e in range(entries.shape[0]):
         entry, row = entries[e], table[e]
-        row[3] = UNDECIDED
-        if 0.0 < row[1] < 1.0:
-            row[0], row[1] = refine(entry, constraints, optics, phi, centre, int(row[2]), row[1])
-        step, zero_tried = entry[3], False
+        row[STATUS] = UNDECIDED
+        if 0.0 < row[AT_W] < 1.0:
+            row[MARGIN], row[AT_W] = refine(
+                entry, constraints, optics, phi, centre, int(row[POINT]), row[AT_W]
+            )
+        step, zero_tried = entry[ENTRY_STEP], False
         for _ in range(TRIES):
-            target = row[0] - step
+            target = row[MARGIN] - step
             if target < 0.0 and not zero_tried:
                 target, zero_tried = 0.0, True
             else:
                 step *= 4.0
-            if entry[0] <= MASK:
+            if entry[ENTRY_KIND] <= MASK:
                 status, w, j = prove_view(entry, target, constraints, optics, view)
             else:
                 status, w, j = prove_space(entry, target, constraints, path)
             if status == PROVEN:
-                row[0], row[3] = target, (PROVEN if target >= 0.0 else row[3])
+                row[MARGIN], row[STATUS] = target, (PROVEN if target >= 0.0 else row[STATUS])
                 break
             if status == REFUTED:
                 seen, w = refine(entry, constraints, optics, phi, centre, j, w)
-                if seen < row[0]:
-                    row[0], row[1], row[2] = seen, w, j
-                if target == 0.0 and row[0] < (-1e-9 if entry[0] <= MASK else 0.0):
-                    row[3] = REFUTED
+                if seen < row[MARGIN]:
+                    row[MARGIN], row[AT_W], row[POINT] = seen, w, j
+                if target == 0.0 and row[MARGIN] < (-1e-9 if entry[ENTRY_KIND] <= MASK else 0.0):
+                    row[STATUS] = REFUTED
     return table
 
 

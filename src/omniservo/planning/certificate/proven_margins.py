@@ -12,21 +12,30 @@ from omniservo.planning.certificate.margin_kinds import (
     BODY,
     BODY_SIGHT,
     CIRCLE,
+    CIRCLE_RADIUS,
     CLEARANCE,
     CLOUD,
     CLOUD_SIGHT,
     DISC,
+    DOMAIN_ANGLE,
     EDGE,
+    ENTRY_INDEX,
+    ENTRY_KIND,
+    ENTRY_SCALE,
     FREE_SIDE,
     LEAST,
+    MARGIN_PX,
     MASK,
+    PX_PER_UNIT,
     SIGHT,
     WALL,
+    XI,
 )
 from omniservo.planning.constraints.cloud import prove_cloud_clear
 from omniservo.planning.constraints.cloud_sight import prove_cloud_sights
 from omniservo.planning.constraints.collision import prove_outside_ball
-from omniservo.planning.constraints.constraints import Constraints
+from omniservo.planning.constraints.constraints import SPHERE_REACH, Constraints
+from omniservo.planning.constraints.dead_zone import RADIUS
 from omniservo.planning.constraints.free_side import prove_free_side_of
 from omniservo.planning.constraints.image_mask import prove_mask_margin
 from omniservo.planning.constraints.least_distance import prove_least_distance
@@ -57,33 +66,33 @@ def prove_view(
     entry: FloatArray, margin: float, constraints: Constraints, optics: FloatArray, view: ViewForms
 ) -> tuple[int, float, int]:
     """Decide an EDGE, CIRCLE, DOMAIN, DISC or MASK entry moved inward by ``margin``: status, w, point."""
-    kind = int(entry[0])
+    kind = int(entry[ENTRY_KIND])
     if kind == MASK:
-        return prove_mask_margin(constraints, int(entry[1]), margin + SLACK_PX, optics[0], view)
+        return prove_mask_margin(constraints, int(entry[ENTRY_INDEX]), margin + SLACK_PX, optics[XI], view)
     limits, disc = np.zeros((0 if kind == DISC else 1, 4)), np.zeros(7 if kind == DISC else 0)
     if kind == DISC:
         for i in range(7):
             disc[i] = constraints.disc[i]
-        disc[5] += margin + SLACK_PX
-        if disc[5] <= 0.0:
+        disc[RADIUS] += margin + SLACK_PX
+        if disc[RADIUS] <= 0.0:
             return PROVEN, 0.0, 0
     elif kind == EDGE:
         for i in range(4):
-            limits[0, i] = constraints.limits[int(entry[1]), i]
-        inward = (margin + SLACK_PX) / entry[2]
+            limits[0, i] = constraints.limits[int(entry[ENTRY_INDEX]), i]
+        inward = (margin + SLACK_PX) / entry[ENTRY_SCALE]
         limits[0, 2] += inward
-        limits[0, 3] -= inward * optics[0]
+        limits[0, 3] -= inward * optics[XI]
     else:
         limits[0, 2] = -1.0
         if kind == CIRCLE:
-            radius = optics[1] - (optics[3] + margin + SLACK_PX) / optics[2]
+            radius = optics[CIRCLE_RADIUS] - (optics[MARGIN_PX] + margin + SLACK_PX) / optics[PX_PER_UNIT]
             if radius < 0.0:
                 return UNDECIDED, 0.0, 0
             if math.isinf(radius):
                 return PROVEN, 0.0, 0
-            limits[0, 3] = -circle_cosine(optics[0], radius) - 1e-15
+            limits[0, 3] = -circle_cosine(optics[XI], radius) - 1e-15
         else:
-            angle = optics[4] - margin - SLACK_RAD
+            angle = optics[DOMAIN_ANGLE] - margin - SLACK_RAD
             if angle < 0.0:
                 return UNDECIDED, 0.0, 0
             limits[0, 3] = -math.cos(min(angle, math.pi)) - 1e-15
@@ -96,7 +105,7 @@ def prove_space(
     entry: FloatArray, margin: float, constraints: Constraints, path: PathForms
 ) -> tuple[int, float, int]:
     """Decide any entry that is not about the image with ``margin`` to spare: status, w, point."""
-    kind, index = int(entry[0]), int(entry[1])
+    kind, index = int(entry[ENTRY_KIND]), int(entry[ENTRY_INDEX])
     if kind == CLOUD_SIGHT:
         return prove_cloud_sights(constraints, index, margin, path)
     if kind == CLOUD:
@@ -115,8 +124,8 @@ def prove_space(
     status, w = PROVEN, 0.0
     if kind == CLEARANCE:
         o = constraints.obstacles[index]
-        if o[4] + margin > 0.0:
-            status, w = prove_outside_ball(path.square, path.raised, path.size, o, o[4] + margin)
+        if o[SPHERE_REACH] + margin > 0.0:
+            status, w = prove_outside_ball(path.square, path.raised, path.size, o, o[SPHERE_REACH] + margin)
     elif kind == WALL:
         side, axis = index // 3, index % 3
         bound = constraints.box[side, axis] + (margin if side == 0 else -margin)

@@ -8,22 +8,30 @@ from omniservo.planning.bernstein_path import ROTATION_FLOOR
 from omniservo.planning.certificate.margin_kinds import (
     BODY,
     BODY_SIGHT,
+    CIRCLE_RADIUS,
     CLEARANCE,
     CLOUD,
     CLOUD_SIGHT,
     DISC,
     DOMAIN,
+    DOMAIN_ANGLE,
     EDGE,
+    ENTRY_INDEX,
+    ENTRY_KIND,
+    ENTRY_SCALE,
     FREE_SIDE,
     LEAST,
+    MARGIN_PX,
     MASK,
+    PX_PER_UNIT,
     ROTATION,
     SIGHT,
     WALL,
+    XI,
 )
 from omniservo.planning.constraints.cloud import cloud_margin
 from omniservo.planning.constraints.cloud_sight import cloud_sight_margin
-from omniservo.planning.constraints.constraints import Constraints
+from omniservo.planning.constraints.constraints import SPHERE_REACH, Constraints
 from omniservo.planning.constraints.dead_zone import disc_margin
 from omniservo.planning.constraints.free_side import free_side_margin
 from omniservo.planning.constraints.image_mask import mask_margin
@@ -48,15 +56,17 @@ def camera_margin(
     if kind == LEAST:
         return float(rho - constraints.least_distance)
     if kind == DOMAIN:
-        return float(optics[4] - math.atan2(math.sqrt(x * x + y * y), z))
-    d = z + optics[0] * rho
+        return float(optics[DOMAIN_ANGLE] - math.atan2(math.sqrt(x * x + y * y), z))
+    d = z + optics[XI] * rho
     if not d > 0.0:
         return OUTSIDE
     if kind == EDGE:
         return float((limit[3] * rho - limit[0] * x - limit[1] * y - limit[2] * z) / d * scale)
     if kind == DISC:
         return disc_margin(constraints.disc, x, y, z)
-    return float((optics[1] - math.sqrt(x * x + y * y) / d) * optics[2] - optics[3])
+    return float(
+        (optics[CIRCLE_RADIUS] - math.sqrt(x * x + y * y) / d) * optics[PX_PER_UNIT] - optics[MARGIN_PX]
+    )
 
 
 @inlined
@@ -81,7 +91,7 @@ def centre_margin(kind: int, index: int, constraints: Constraints, pose: FloatAr
 def sphere_margin(obstacles: FloatArray, index: int, pose: FloatArray) -> float:
     """Return what the clearance of a sphere leaves at a pose (13,)."""
     x, y, z = pose[TX] - obstacles[index, 0], pose[TY] - obstacles[index, 1], pose[TZ] - obstacles[index, 2]
-    return float(math.sqrt(x * x + y * y + z * z) - obstacles[index, 4])
+    return float(math.sqrt(x * x + y * y + z * z) - obstacles[index, SPHERE_REACH])
 
 
 @kernel
@@ -97,7 +107,7 @@ def smallest_at(
 
     ``c`` (n, 4) are these points in the camera frame and 1/distance.
     """
-    kind, index, scale = int(entry[0]), int(entry[1]), float(entry[2])
+    kind, index, scale = int(entry[ENTRY_KIND]), int(entry[ENTRY_INDEX]), float(entry[ENTRY_SCALE])
     if kind >= CLEARANCE:
         return centre_margin(kind, index, constraints, pose), 0
     if kind == SIGHT:
@@ -107,7 +117,7 @@ def smallest_at(
     if kind == CLOUD_SIGHT:
         return cloud_sight_margin(constraints, index, pose, points)
     if kind == MASK:
-        return mask_margin(constraints, index, optics[0], c)
+        return mask_margin(constraints, index, optics[XI], c)
     least, about = math.inf, 0
     limit = constraints.limits[index]
     for j in range(points.shape[0]):

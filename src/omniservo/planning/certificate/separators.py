@@ -8,6 +8,7 @@ from omniservo.geometry.arrays import FloatArray, frozen
 from omniservo.geometry.polynomial import bernstein_from_power, magnitude
 from omniservo.geometry.subdivision import PROVEN
 from omniservo.planning.certificate.certificate import Separator
+from omniservo.planning.certificate.margins import MARGIN, STATUS
 from omniservo.planning.constraints.body_gap import MOTION, RADIUS, REACH
 from omniservo.planning.constraints.constraints import Constraints
 from omniservo.planning.constraints.motion import point_from_body, seen_from_body
@@ -20,9 +21,9 @@ def separators_of(
 ) -> tuple[Separator, ...]:
     """Return the planes that prove each margin of ``table`` (rows of `margins.path_margins`)."""
     proven = [
-        (entry, float(row[0]))
+        (entry, float(row[MARGIN]))
         for entry, row in zip(entries, table, strict=True)
-        if entry.shows_planes and row[3] == PROVEN
+        if entry.shows_planes and row[STATUS] == PROVEN
     ]
     if not proven:
         return ()

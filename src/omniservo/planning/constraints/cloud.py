@@ -27,7 +27,15 @@ from omniservo.geometry.subdivision import (
 )
 from omniservo.geometry.vectors import copy_into
 from omniservo.planning.bernstein_path import squares
-from omniservo.planning.constraints.constraints import Constraints
+from omniservo.planning.constraints.constraints import (
+    CLOUD_MOTION,
+    CLOUD_REACH,
+    END_NODE,
+    END_POINT,
+    FIRST_NODE,
+    FIRST_POINT,
+    Constraints,
+)
 from omniservo.planning.constraints.motion import displacement, less_motion
 from omniservo.planning.constraints.path_forms import PathForms
 from omniservo.planning.constraints.place import AT, TX, TY, TZ
@@ -49,13 +57,17 @@ class _Balls(NamedTuple):
 @kernel
 def cloud_points(constraints: Constraints, index: int) -> FloatArray:
     """Return the points (p, 3) of cloud ``index``, in the order of its tree."""
-    return constraints.cloud_points[int(constraints.clouds[index, 2]) : int(constraints.clouds[index, 3])]
+    return constraints.cloud_points[
+        int(constraints.clouds[index, FIRST_POINT]) : int(constraints.clouds[index, END_POINT])
+    ]
 
 
 @kernel
 def cloud_nodes(constraints: Constraints, index: int) -> FloatArray:
     """Return the tree (k, 7) of cloud ``index``."""
-    return constraints.cloud_nodes[int(constraints.clouds[index, 0]) : int(constraints.clouds[index, 1])]
+    return constraints.cloud_nodes[
+        int(constraints.clouds[index, FIRST_NODE]) : int(constraints.clouds[index, END_NODE])
+    ]
 
 
 @leaf
@@ -135,10 +147,10 @@ def _off_balls(piece: Piece, balls: _Balls) -> tuple[int, int]:
 @late
 def cloud_margin(constraints: Constraints, index: int, pose: FloatArray) -> float:
     """Return what the clearance of cloud ``index`` leaves at a pose (14,)."""
-    mx, my, mz = displacement(constraints.motions, constraints.clouds[index, 6], pose[AT])
+    mx, my, mz = displacement(constraints.motions, constraints.clouds[index, CLOUD_MOTION], pose[AT])
     t = pose[TX] - mx, pose[TY] - my, pose[TZ] - mz
     points, nodes = cloud_points(constraints, index), cloud_nodes(constraints, index)
-    return float(nearest_point(points, nodes, t, t, math.inf)[1] - constraints.clouds[index, 5])
+    return float(nearest_point(points, nodes, t, t, math.inf)[1] - constraints.clouds[index, CLOUD_REACH])
 
 
 @late
@@ -150,7 +162,10 @@ def prove_cloud_clear(
     A reach of 0 asks for nothing. Where the cloud moves, of t − m: its powers round once more, and their
     squares twice.
     """
-    reach, motion = constraints.clouds[index, 5] + margin, int(constraints.clouds[index, 6])
+    reach, motion = (
+        constraints.clouds[index, CLOUD_REACH] + margin,
+        int(constraints.clouds[index, CLOUD_MOTION]),
+    )
     if reach <= 0.0:
         return PROVEN, 0.0, 0
     points, nodes = cloud_points(constraints, index), cloud_nodes(constraints, index)
@@ -179,13 +194,13 @@ def push_off_clouds(constraints: Constraints, samples: Samples) -> None:
     poses, targets, least = samples.poses, samples.targets, samples.least
     systems, costs = samples.systems, samples.costs
     for i in range(constraints.clouds.shape[0]):
-        group, reach = constraints.slots.clouds + i, constraints.clouds[i, 5]
+        group, reach = constraints.slots.clouds + i, constraints.clouds[i, CLOUD_REACH]
         if reach <= 0.0 or targets[group] == ASLEEP:
             continue
         points, nodes = cloud_points(constraints, i), cloud_nodes(constraints, i)
         unit = max(reach, 0.05 * constraints.ell)
         for s in range(poses.shape[0]):
-            mx, my, mz = displacement(constraints.motions, constraints.clouds[i, 6], poses[s, AT])
+            mx, my, mz = displacement(constraints.motions, constraints.clouds[i, CLOUD_MOTION], poses[s, AT])
             t = poses[s, TX] - mx, poses[s, TY] - my, poses[s, TZ] - mz
             limit = reach + unit * max(targets[group], least[group])
             k, distance = nearest_point(points, nodes, t, t, limit)

@@ -29,7 +29,7 @@ from omniservo.geometry.subdivision import (
 )
 from omniservo.geometry.vectors import copy_into
 from omniservo.planning.constraints.cloud import cloud_nodes, cloud_points, farthest
-from omniservo.planning.constraints.constraints import Constraints
+from omniservo.planning.constraints.constraints import CLOUD_MOTION, CLOUD_RADIUS, Constraints
 from omniservo.planning.constraints.motion import displacement, less_motion
 from omniservo.planning.constraints.occlusion import plane_past_ball, sight_offset
 from omniservo.planning.constraints.path_forms import PathForms
@@ -192,7 +192,7 @@ def cloud_sight_margin(
     constraints: Constraints, index: int, pose: FloatArray, targets: FloatArray
 ) -> tuple[float, int]:
     """Return what cloud ``index`` leaves to the lines of sight at a pose (14,), and to which target least."""
-    mx, my, mz = displacement(constraints.motions, constraints.clouds[index, 6], pose[AT])
+    mx, my, mz = displacement(constraints.motions, constraints.clouds[index, CLOUD_MOTION], pose[AT])
     points, nodes = cloud_points(constraints, index), cloud_nodes(constraints, index)
     t = pose[TX] - mx, pose[TY] - my, pose[TZ] - mz
     least, about = math.inf, 0
@@ -201,7 +201,7 @@ def cloud_sight_margin(
         k, distance = nearest_point(points, nodes, t, h, least)
         if k >= 0:
             least, about = distance, j
-    return least - float(constraints.clouds[index, 4]), about
+    return least - float(constraints.clouds[index, CLOUD_RADIUS]), about
 
 
 @late
@@ -209,7 +209,10 @@ def prove_cloud_sights(
     constraints: Constraints, index: int, margin: float, path: PathForms
 ) -> tuple[int, float, int]:
     """Decide the lines of sight past cloud ``index`` with ``margin`` to spare: status, w, target point."""
-    radius, motion = constraints.clouds[index, 4] + margin, int(constraints.clouds[index, 6])
+    radius, motion = (
+        constraints.clouds[index, CLOUD_RADIUS] + margin,
+        int(constraints.clouds[index, CLOUD_MOTION]),
+    )
     points, nodes = cloud_points(constraints, index), cloud_nodes(constraints, index)
     if motion < 0:
         return prove_sights_past_cloud(path.centre, path.size, constraints.points, points, nodes, radius)
@@ -227,7 +230,7 @@ def prove_cloud_sights(
 def prove_unclouded(constraints: Constraints, path: PathForms) -> tuple[int, float]:
     """Decide every line of sight past every cloud; a cloud of radius 0 hides nothing."""
     for i in range(constraints.clouds.shape[0]):
-        if constraints.clouds[i, 4] > 0.0:
+        if constraints.clouds[i, CLOUD_RADIUS] > 0.0:
             status, w, _ = prove_cloud_sights(constraints, i, 0.0, path)
             if status != PROVEN:
                 return status, w
@@ -241,13 +244,13 @@ def push_sights_off_clouds(constraints: Constraints, samples: Samples) -> None:
     systems, costs = samples.systems, samples.costs
     h = np.empty(3)
     for i in range(constraints.clouds.shape[0]):
-        group, radius = constraints.slots.cloud_sights + i, constraints.clouds[i, 4]
+        group, radius = constraints.slots.cloud_sights + i, constraints.clouds[i, CLOUD_RADIUS]
         if radius <= 0.0 or targets[group] == ASLEEP:
             continue
         points, nodes = cloud_points(constraints, i), cloud_nodes(constraints, i)
         unit = max(radius, 0.05 * constraints.ell)
         for s in range(poses.shape[0]):
-            mx, my, mz = displacement(constraints.motions, constraints.clouds[i, 6], poses[s, AT])
+            mx, my, mz = displacement(constraints.motions, constraints.clouds[i, CLOUD_MOTION], poses[s, AT])
             t = poses[s, TX] - mx, poses[s, TY] - my, poses[s, TZ] - mz
             for j in range(constraints.points.shape[0]):
                 h[0], h[1], h[2] = (

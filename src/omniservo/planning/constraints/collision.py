@@ -7,6 +7,7 @@ import numpy as np
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel, leaf
 from omniservo.geometry.subdivision import PROVEN, prove_nonnegative
+from omniservo.planning.constraints.constraints import SPHERE_REACH
 from omniservo.planning.constraints.place import TX, TY, TZ
 from omniservo.planning.constraints.push import ASLEEP, Samples, push_centre
 
@@ -33,8 +34,8 @@ def prove_collision_free(
 ) -> tuple[int, float]:
     """Decide the clearance of every obstacle; an obstacle whose reach is 0 asks for nothing."""
     for i in range(obstacles.shape[0]):
-        if obstacles[i, 4] > 0.0:
-            status, w = prove_outside_ball(square, raised, size, obstacles[i], obstacles[i, 4])
+        if obstacles[i, SPHERE_REACH] > 0.0:
+            status, w = prove_outside_ball(square, raised, size, obstacles[i], obstacles[i, SPHERE_REACH])
             if status != PROVEN:
                 return status, w
     return PROVEN, 0.0
@@ -46,7 +47,7 @@ def push_from_obstacles(obstacles: FloatArray, ell: float, samples: Samples, fir
     poses, targets, least = samples.poses, samples.targets, samples.least
     systems, costs = samples.systems, samples.costs
     for i in range(obstacles.shape[0]):
-        group, reach = first + i, obstacles[i, 4]
+        group, reach = first + i, obstacles[i, SPHERE_REACH]
         if reach <= 0.0 or targets[group] == ASLEEP:
             continue
         unit = max(reach, 0.05 * ell)

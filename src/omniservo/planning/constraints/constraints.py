@@ -5,6 +5,12 @@ from typing import NamedTuple, Self
 from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.planning.constraints.hull_gap import Hull
 
+SPHERE_RADIUS, SPHERE_REACH = 3, 4
+"""The places behind the centre in a row of `Constraints.obstacles`."""
+
+FIRST_NODE, END_NODE, FIRST_POINT, END_POINT, CLOUD_RADIUS, CLOUD_REACH, CLOUD_MOTION = range(7)
+"""The places of a row of `Constraints.clouds`."""
+
 
 class Slots(NamedTuple):
     """Where each family's targets begin among those of a search, in this order, and how many there are."""

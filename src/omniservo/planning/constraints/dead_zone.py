@@ -12,6 +12,9 @@ import numpy as np
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel, leaf
 
+FX, SKEW, FY, U, V, RADIUS, XI = range(7)
+"""The places of `Constraints.disc`: of K, of cu − u₀ and cv − v₀, of r [px], of ξ."""
+
 Limit = tuple[float, float, float, float]
 """n and κ of n·c ≤ κ‖c‖"""
 
@@ -19,10 +22,10 @@ Limit = tuple[float, float, float, float]
 @leaf
 def offset_from_disc(disc: FloatArray, x: float, y: float, z: float) -> tuple[float, float]:
     """Return p − p₀ [px] of a camera point with D > 0; (0, 0) where D ≤ 0."""
-    d = z + disc[6] * math.sqrt(x * x + y * y + z * z)
+    d = z + disc[XI] * math.sqrt(x * x + y * y + z * z)
     if not d > 0.0:
         return 0.0, 0.0
-    return (disc[0] * x + disc[1] * y) / d + disc[3], disc[2] * y / d + disc[4]
+    return (disc[FX] * x + disc[SKEW] * y) / d + disc[U], disc[FY] * y / d + disc[V]
 
 
 @kernel
@@ -35,22 +38,22 @@ def tangent_limit(disc: FloatArray, x: float, y: float, z: float) -> Limit:
     length = math.hypot(u, v)
     eu, ev = (u / length, v / length) if length > 0.0 else (1.0, 0.0)
     eu, ev = eu * (1.0 - 1e-15), ev * (1.0 - 1e-15)
-    third = eu * disc[3] + ev * disc[4] - disc[5]
-    return -eu * disc[0], -(eu * disc[1] + ev * disc[2]), -third, disc[6] * third
+    third = eu * disc[U] + ev * disc[V] - disc[RADIUS]
+    return -eu * disc[FX], -(eu * disc[SKEW] + ev * disc[FY]), -third, disc[XI] * third
 
 
 @leaf
 def disc_size(disc: FloatArray) -> float:
     """Return a bound on |n|₁ + 3|κ| of every tangent limit, for the error bound."""
-    third = abs(disc[3]) + abs(disc[4]) + disc[5]
-    return float(abs(disc[0]) + abs(disc[1]) + abs(disc[2]) + third * (1.0 + 3.0 * disc[6]))
+    third = abs(disc[U]) + abs(disc[V]) + disc[RADIUS]
+    return float(abs(disc[FX]) + abs(disc[SKEW]) + abs(disc[FY]) + third * (1.0 + 3.0 * disc[XI]))
 
 
 @leaf
 def disc_margin(disc: FloatArray, x: float, y: float, z: float) -> float:
     """Return ‖p − p₀‖ − r [px] of a camera point; −∞ where D ≤ 0."""
-    d = z + disc[6] * math.sqrt(x * x + y * y + z * z)
+    d = z + disc[XI] * math.sqrt(x * x + y * y + z * z)
     if not d > 0.0:
         return -np.inf
     u, v = offset_from_disc(disc, x, y, z)
-    return float(math.hypot(u, v) - disc[5])
+    return float(math.hypot(u, v) - disc[RADIUS])

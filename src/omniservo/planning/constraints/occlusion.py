@@ -28,7 +28,7 @@ from omniservo.geometry.subdivision import (
     first_piece,
     subdivide,
 )
-from omniservo.planning.constraints.constraints import Constraints
+from omniservo.planning.constraints.constraints import SPHERE_RADIUS, Constraints
 from omniservo.planning.constraints.path_forms import PathForms
 from omniservo.planning.constraints.place import TX, TY, TZ
 from omniservo.planning.constraints.push import ASLEEP, Samples, push_centre_often
@@ -185,7 +185,7 @@ def sight_margin(
         value = sight_offset(pose[TX], pose[TY], pose[TZ], points[j], o)[3]
         if value < least:
             least, about = value, j
-    return least - float(o[3]), about
+    return least - float(o[SPHERE_RADIUS]), about
 
 
 @late
@@ -194,14 +194,14 @@ def prove_sights(
 ) -> tuple[int, float, int]:
     """Decide the lines of sight past sphere ``index`` with ``margin`` to spare: status, w, point."""
     o = constraints.obstacles[index]
-    return prove_clear_sights(path.centre, path.size, constraints.points, o, o[3] + margin)
+    return prove_clear_sights(path.centre, path.size, constraints.points, o, o[SPHERE_RADIUS] + margin)
 
 
 @late
 def prove_unoccluded(constraints: Constraints, path: PathForms) -> tuple[int, float]:
     """Decide every line of sight past every sphere; a sphere of radius 0 hides nothing."""
     for i in range(constraints.obstacles.shape[0]):
-        if constraints.obstacles[i, 3] > 0.0:
+        if constraints.obstacles[i, SPHERE_RADIUS] > 0.0:
             status, w, _ = prove_sights(constraints, i, 0.0, path)
             if status != PROVEN:
                 return status, w
@@ -223,7 +223,7 @@ def push_sights(constraints: Constraints, samples: Samples) -> None:
     poses, targets, least = samples.poses, samples.targets, samples.least
     systems, costs = samples.systems, samples.costs
     for i in range(obstacles.shape[0]):
-        group, radius = first + i, obstacles[i, 3]
+        group, radius = first + i, obstacles[i, SPHERE_RADIUS]
         if radius <= 0.0 or targets[group] == ASLEEP:
             continue
         ox, oy, oz, unit = obstacles[i, 0], obstacles[i, 1], obstacles[i, 2], max(radius, 0.05 * ell)
