@@ -30,29 +30,30 @@ MOVES = 0.01
 
 _FRAMES = 4096
 # places in the mapped file
-RUN, FAULT, COUNT, COMMAND, STOPPED, AFTER, SEQUENCE, STATE, NEWEST, MOVED = (
-    0,
-    1,
-    2,
-    3,
-    10,
-    11,
-    20,
-    21,
-    40,
-    41,
-)
+RUN, FAULT, COUNT, COMMAND = 0, 1, 2, 3
+STOPPED, AFTER, SINCE, BRAKING, DRIVE, RESTED = 10, 11, 12, 13, 14, 15
+SEQUENCE, STATE = 20, 21
+NEWEST, MOVED = 40, 41
 _EXPOSED = 64
 
+JOINTS_FROZEN, ALL_FROZEN = "joints frozen", "joints and images frozen"
+NAN, REORDERED = "joints NaN", "joints reordered"
+MODES = {"protective stop": ArmMode.PROTECTIVE_STOP, "not in control": ArmMode.NOT_IN_CONTROL}
+STEPS = {"clock 1 s back": -1.0, "clock 1 s ahead": 1.0}
+"""[s]"""
+IMAGES_FROZEN, IMAGES_STALE = "images frozen", "images stale, then fresh"
+NAMES_REORDERED, RENAMED, SECOND = "names reordered", "a joint renamed", "second commander"
 FAULTS = (
-    "frozen",
-    "nan",
-    "protective_stop",
-    "not_in_control",
-    "clock_back",
-    "clock_ahead",
-    "second_commander",
-)
+    JOINTS_FROZEN, IMAGES_FROZEN, ALL_FROZEN, IMAGES_STALE, NAN, REORDERED, *STEPS, *MODES,
+    NAMES_REORDERED, RENAMED, SECOND,
+)  # fmt: skip
+"""what FAULT names, counted from 1"""
+
+
+def fault(shared: FloatArray) -> str:
+    """Return which fault there is; empty: none."""
+    number = int(shared[FAULT])
+    return FAULTS[number - 1] if number else ""
 
 
 def targets() -> FloatArray:
@@ -79,20 +80,20 @@ def scene(latency: float = 0.0) -> Scene:
 
 def mapped(file: str | Path) -> FloatArray:
     """Return the numbers that all processes share."""
-    return np.memmap(file, dtype=np.float64, mode="r+", shape=(_EXPOSED + 8 * _FRAMES,))
+    return np.asarray(np.memmap(file, dtype=np.float64, mode="r+", shape=(_EXPOSED + 8 * _FRAMES,)))
 
 
 def serve(file: str) -> None:
     """Move the arm on the wall clock until RUN is 0."""
-    shared, robot, begin = mapped(file), SimulatedRobot(scene(), rendered=False), time.monotonic()
+    world = scene()
+    shared, robot, begin = mapped(file), SimulatedRobot(world, rendered=False), time.monotonic()
     count = frames = 0
     last_command, shown = begin, -1.0
     while shared[RUN]:
         now = time.monotonic()
         if shared[COUNT] != count:
             count, last_command = shared[COUNT], now
-            other = [0.2, 0, 0, 0, 0, 0] if shared[FAULT] == 1 + FAULTS.index("second_commander") else 0.0
-            robot.command(np.array(shared[COMMAND : COMMAND + 6]) + other)
+            robot.command(shared[COMMAND : COMMAND + 6].copy())
         elif now - last_command > WATCHDOG:
             robot.stop()
         robot.advance(max(now - begin - robot.time, 0.0))
@@ -102,6 +103,9 @@ def serve(file: str) -> None:
         shared[SEQUENCE] += 1
         if np.abs(state.joint_velocities).max() > MOVES:
             shared[MOVED] = begin + state.time
+        if shared[SINCE]:
+            brakes = float(np.max(np.abs(state.joint_velocities) / world.arm.joint_acceleration))
+            shared[BRAKING] = max(shared[BRAKING], brakes)
         exposure = robot.newest_exposure()
         if exposure is not None and exposure.time != shown:
             shown = exposure.time
@@ -129,27 +133,33 @@ class MappedArm:
 
     def read(self) -> RobotState:
         """Return the newest state."""
-        number = int(self._shared[FAULT])
-        fault = FAULTS[number - 1] if number else ""
-        if fault == "frozen" and self._kept is not None:
+        now = fault(self._shared)
+        if now in (JOINTS_FROZEN, ALL_FROZEN) and self._kept is not None:
             return self._kept
         while True:
             before = self._shared[SEQUENCE]
             row = np.array(self._shared[STATE : STATE + 13])
             if before % 2 == 0 and self._shared[SEQUENCE] == before:
                 break
-        shift = {"clock_back": -1.0, "clock_ahead": 1.0}.get(fault, 0.0)
-        modes = {mode.value: mode for mode in ArmMode}
-        positions = np.full(6, np.nan) if fault == "nan" else row[1:7]
-        self._kept = RobotState(row[0] + shift, positions, row[7:], modes.get(fault, ArmMode.READY))
+        positions, velocities = row[1:7], row[7:]
+        if now == REORDERED:
+            positions, velocities = positions[::-1], velocities[::-1]
+        positions = np.full(6, np.nan) if now == NAN else positions
+        mode = MODES.get(now, ArmMode.READY)
+        self._kept = RobotState(row[0] + STEPS.get(now, 0.0), positions, velocities, mode)
         return self._kept
 
     def command(self, joint_velocities: npt.ArrayLike) -> None:
-        """Pass a command on; one that moves the arm after it was told to stop is counted."""
+        """Pass a command on; one that moves the arm after it was told to stop, or rested, is counted."""
         wanted = np.asarray(joint_velocities)
-        self._shared[AFTER] += bool(self._shared[STOPPED] and wanted.any())
+        self.count(wanted)
         self._shared[COMMAND : COMMAND + 6] = wanted
         self._shared[COUNT] += 1
+
+    def count(self, wanted: FloatArray) -> None:
+        """Count a command of motion that comes too late."""
+        over = self._shared[STOPPED] or self._shared[RESTED]
+        self._shared[AFTER] += bool(over and wanted.any())
 
     def stop(self) -> None:
         """Brake."""

@@ -1,6 +1,6 @@
-"""The loop over real processes on the wall clock: tracking error, late ticks, and what faults do.
+"""The loop over real processes on the wall clock: tracking error and late ticks.
 
-Run: ``python -m benchmarks.real_loop [--runs N] [--faults N] [--life S] [--pictured TASK]``. Three processes:
+Run: ``python -m benchmarks.real_loop [--runs N] [--life S] [--pictured TASK]``. Three processes:
 this one looks at projected points (0.03 px of noise) and tracks a path of 4 s; the drive process commands;
 the arm is simulated in the third (`benchmarks.mapped_arm`). The error is the distance of the true camera, at
 the exposures of all frames until it was stopped, to the plan at the same time, beside the same loop in
@@ -13,23 +13,18 @@ from __future__ import annotations
 
 import argparse
 import os
-import signal
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager, suppress
+from contextlib import closing, contextmanager
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from benchmarks.mapped_arm import (
-    AFTER,
-    FAULT,
-    FAULTS,
     MOUNT,
-    MOVED,
     NEWEST,
     RATE,
     RUN,
@@ -100,13 +95,18 @@ class MappedCamera:
     def image(self) -> CameraImage | None:
         """Return the newest frame that arrived."""
         now = time.monotonic()
-        for number in range(self._number, int(self._shared[NEWEST])):
+        newest = self.newest()
+        for number in range(self._number, newest):
             self._line.put(frame(self._shared, number), frame(self._shared, number)[0])
-        self._number = int(self._shared[NEWEST])
+        self._number = newest
         for exposed, joints in self._line.due(now):
             stamp = self._clocks.monotonic(self._line.stamp(exposed), now) - self._least
             self._image, self._points.joints = CameraImage(stamp, np.zeros((2, 2), dtype=np.uint8)), joints
         return self._image
+
+    def newest(self) -> int:
+        """Return how many frames have come."""
+        return int(self._shared[NEWEST])
 
     def close(self) -> None:
         """Nothing is open."""
@@ -192,13 +192,20 @@ def in_simulated_time(faults: LinkFaults, stated: float) -> FloatArray:
 
 
 @contextmanager
-def served() -> Iterator[tuple[FloatArray, str]]:
-    """Have an arm in a process of its own; give what is shared with it, and the file's name."""
+def mapped_file() -> Iterator[tuple[FloatArray, str]]:
+    """Give what an arm's process shares with others, and the file's name."""
     with tempfile.TemporaryDirectory() as folder:
         file = str(Path(folder) / "arm")
         np.zeros(64 + 8 * 4096).tofile(file)
         shared = mapped(file)
         shared[RUN] = 1.0
+        yield shared, file
+
+
+@contextmanager
+def served() -> Iterator[tuple[FloatArray, str]]:
+    """Have an arm in a process of its own; give what is shared with it, and the file's name."""
+    with mapped_file() as (shared, file):
         process = subprocess.Popen([sys.executable, "-m", "benchmarks.mapped_arm", file])
         try:
             until(lambda: shared[NEWEST] > 3, 60.0)
@@ -214,7 +221,7 @@ def until(holds: Callable[[], bool], seconds: float) -> bool:
     while not holds():
         if time.monotonic() > end:
             return False
-        time.sleep(1e-3)
+        time.sleep(2e-3)
     return True
 
 
@@ -245,65 +252,13 @@ def over_processes(faults: LinkFaults, stated: float, life: float) -> tuple[Floa
     return found, late / ticks, "goal" if stop is None else f"{stop.reason}: {stop}"
 
 
-def lead(file: str) -> None:
-    """Be the process that leads the arm, until it is killed."""
-    shared = mapped(file)
-    camera = MappedCamera(shared, LinkFaults(), Points())
-    client = DriveClient(
-        ArmOpener(MappedArm, {"file": file}), Arm.rx60(), MOUNT, camera=camera, options=OPTIONS
-    )
-    client.enable()
-    print(client.process_id, flush=True)
-    for k in range(10_000):
-        client.image()
-        client.carry(np.array([0.03 * np.cos(0.05 * k), 0, 0, 0, 0, 0]))
-        client.wait(0.02)
-
-
-def fault_run(kind: str) -> tuple[float, int, bool]:
-    """Return how long the arm still moved after a fault [s], commands after the stop, whether it rested."""
-    with served() as (shared, file):
-        leader = subprocess.Popen(
-            [sys.executable, "-m", "benchmarks.real_loop", "--lead", file],
-            stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
-        )  # fmt: skip
-        assert leader.stdout is not None
-        drive = int(leader.stdout.readline())
-        until(lambda: time.monotonic() - shared[MOVED] < 0.05, 20.0)
-        time.sleep(0.4 + 0.3 * np.random.default_rng().random())
-        begin = time.monotonic()
-        if kind in FAULTS:
-            shared[FAULT] = 1 + FAULTS.index(kind)
-        else:
-            who, what = kind.split()
-            os.kill(leader.pid if who == "leader" else drive, getattr(signal, what))
-        rested = until(lambda: time.monotonic() - shared[MOVED] > 0.5, 10.0)
-        moved = shared[MOVED] - begin
-        shared[FAULT] = 0.0  # fresh data resume nothing
-        for pid in (leader.pid, drive):
-            with suppress(ProcessLookupError):
-                os.kill(pid, signal.SIGCONT)
-        time.sleep(0.5)
-        rested = rested and time.monotonic() - shared[MOVED] > 0.4
-        leader.kill()
-        leader.wait()
-        leader.stdout.close()
-        until(lambda: not Path(f"/proc/{drive}").exists(), 10.0)
-        return max(moved, 0.0), int(shared[AFTER]), rested
-
-
 def main() -> None:
-    """Print both tables."""
+    """Print the table, and the row of rendered pictures."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--runs", type=int, default=1)
-    parser.add_argument("--faults", type=int, default=3)
     parser.add_argument("--life", type=float, default=COMMAND_LIFE, help="of a command [s]")
     parser.add_argument("--pictured", metavar="TASK", help="a row of rendered pictures, all sent as MJPEG")
-    parser.add_argument("--lead")
     asked = parser.parse_args()
-    if asked.lead:
-        lead(asked.lead)
-        return
     print("| line | told | simulated rms / max [mm] | processes rms / max [mm] | late ticks | end | load |")
     print("|---|---|---|---|---|---|---|")
     for name, faults in LINES.items():
@@ -323,16 +278,6 @@ def main() -> None:
         print("|---|---|---|---|---|---|")
         for _ in range(asked.runs):
             print(pictured_row(asked.pictured), flush=True)
-    print("\n| fault | runs | still moved, median / most [s] | at rest | commands after the stop | load |")
-    print("|---|---|---|---|---|---|")
-    kinds = ["leader SIGKILL", "leader SIGSTOP", "drive SIGKILL", "drive SIGSTOP", *FAULTS]
-    for kind in kinds if asked.faults else ():
-        runs = [fault_run(kind) for _ in range(asked.faults)]
-        moved, after, rested = zip(*runs, strict=True)
-        print(
-            f"| {kind} | {len(runs)} | {np.median(moved):.2f} / {max(moved):.2f} | {sum(rested)} | "
-            f"{sum(after)} | {os.getloadavg()[0]:.0f} |", flush=True,
-        )  # fmt: skip
 
 
 if __name__ == "__main__":

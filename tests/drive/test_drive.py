@@ -152,11 +152,12 @@ def test_the_drive_process_loads_nothing_that_reads_images_or_draws():
     assert told.stdout.strip() == "[]"
 
 
-def test_a_dead_drive_process_is_a_lost_connection(opened):
+@pytest.mark.parametrize("kind", [signal.SIGKILL, signal.SIGTERM])
+def test_a_drive_process_that_ends_is_a_lost_connection(opened, kind):
     client = opened()
     client.enable()
     lead(client, 0.2)
-    os.kill(client.process_id, signal.SIGKILL)
+    os.kill(client.process_id, kind)
     with pytest.raises(ConnectionLost):
         lead(client, 60.0)
     with pytest.raises(ConnectionLost):
@@ -305,6 +306,7 @@ def test_a_fault_of_the_arm_is_a_stop_by_its_name_that_nothing_goes_past(listeni
     lead(client, 0.3)
     (folder / "fault").write_text(fault)
     assert led_until_stopped(client).reason == reason
+    assert np.isfinite(client.history.at(np.array([client.time]))).all()
     stays_stopped(client, folder)
     (folder / "fault").unlink()  # data that are fresh again resume nothing
     stays_stopped(client, folder)

@@ -10,6 +10,7 @@ from tests.runs.test_tube_of_task import folder, task_with  # noqa: F401
 
 from omniservo.runs import run_task
 from omniservo.runs.safety_of_task import path_room_of, safety_of_task
+from omniservo.runs.task_gaps import TaskGaps
 from omniservo.simulation.projected_dots import ProjectedDots
 from omniservo.tasks import load_task
 
@@ -53,12 +54,26 @@ def test_a_target_that_is_pushed_along_the_line_of_sight_stops_the_run_by_name_b
     assert metrics["arm_clearance_executed_m"] > 0.0
 
 
-def test_without_the_room_the_same_push_ends_in_a_contact(monkeypatch):
+@pytest.fixture
+def roomless(monkeypatch):
+    """The camera may be anywhere beside its path."""
     monkeypatch.setattr(
         sys.modules["omniservo.runs.run_task"],
         "safety_of_task",
         lambda task: replace(safety_of_task(task), path_room=None),
     )
+
+
+def test_without_the_room_the_gaps_of_all_bodies_stop_the_same_run_before_anything_is_touched(roomless):
+    result = pushed()
+    metrics = result.metrics
+    assert (metrics["status"], result.log.stop_reason, metrics["contacts"]) == ("stopped", "too_near", [])
+    assert "at least 2.5 mm are kept" in metrics["reason"]
+    assert metrics["arm_clearance_executed_m"] >= 0.0025
+
+
+def test_without_room_and_gaps_the_same_push_ends_in_a_contact(roomless, monkeypatch):
+    monkeypatch.setattr(TaskGaps, "check", lambda *_: None)
     assert pushed().metrics["contacts"]
 
 

@@ -338,6 +338,15 @@ def test_clocks_of_both_lines_are_told(monkeypatch):
     assert found.arm_clock.offset == pytest.approx(7.001, abs=1e-3)
     assert found.arm_clock.drift == pytest.approx(1e-4, abs=3e-5)
     assert found.arm_clock.spread == pytest.approx(2e-3, abs=1e-3)
+    assert found.arm_clock.later == 0.0
+
+
+def test_a_line_that_became_slower_is_told():
+    arm = in_protective_stop()
+    arm.clock = ClockMap()
+    for k in range(1000):
+        arm.clock.monotonic(0.01 * k, 7.0 + 0.01 * k + 0.15 * (k >= 600))
+    assert robot_check.line_clock(arm).later == pytest.approx(0.15, abs=1e-3)
 
 
 def test_room_is_proven_again_where_an_answer_left_the_arm():

@@ -129,9 +129,10 @@ def _spelled(times: StreamTimes) -> str:
 def _spelled_clock(clock: LineClock | None) -> str:
     if clock is None:
         return "this machine's, or no stamps"
+    slower = f", the line slower by {1e3 * clock.later:.0f} ms by now" if clock.later > 0.0 else ""
     return (
         f"{clock.offset:+.3f} s from the stamps to this machine's time, least delay included, drift "
-        f"{1e6 * clock.drift:+.0f} ppm, spread {1e3 * clock.spread:.1f} ms"
+        f"{1e6 * clock.drift:+.0f} ppm, spread {1e3 * clock.spread:.1f} ms{slower}"
     )
 
 

@@ -373,8 +373,8 @@ class DriveClient:
             news = list(self._statuses)
             self._statuses.clear()
         for status in news:
-            if np.isnan(status.state_time):
-                continue
+            if not (np.isfinite(status.state_time) and np.isfinite(status.joints[:2]).all()):
+                continue  # nothing was read yet, or what the drive stops for
             self._state = state = _state(status)
             if self._history is None:
                 least = self.options.least_acceleration * self.arm.joint_acceleration

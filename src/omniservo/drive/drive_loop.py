@@ -112,6 +112,7 @@ class DriveLoop:
                 self._guarded(self._tick)
                 self._say()
         finally:
+            self._failed = self._stopped or ConnectionLost("the drive process ends")
             self._disconnect()
 
     @property
@@ -238,7 +239,9 @@ class DriveLoop:
             if supervisor is None or self._stopped is not None or not self._armed:
                 return
             self._see(move.seen_at)
-            self._refuse_expired(move.valid_until)
+            late = time.monotonic() - move.valid_until
+            if late > 0.0:
+                raise DeadlinePassed(f"the command came {late:.3f} s after its deadline")
             self._valid_until = move.valid_until
             if move.twist is None:
                 self._passed = supervisor.command(move.joints if move.joints is not None else ())
@@ -248,11 +251,6 @@ class DriveLoop:
                 self._passed = supervisor.carry(move.twist, wish)
         finally:
             self._say()
-
-    def _refuse_expired(self, valid_until: float) -> None:
-        late = time.monotonic() - valid_until
-        if late > 0.0:
-            raise DeadlinePassed(f"the command is over its deadline by {late:.3f} s; no other came")
 
     def _stop_for(self, text: str) -> None:
         reason, _, words = text.partition("\0")
@@ -283,7 +281,8 @@ class DriveLoop:
                 if self._driver is not None:
                     self._driver.read()
         elif self._armed and supervisor.moving:
-            self._refuse_expired(self._valid_until)
+            if time.monotonic() + TICK > self._valid_until:  # the last look before it
+                raise DeadlinePassed("no command came before the deadline of the last one")
             supervisor.watch()
         elif self._armed or not math.isnan(self._arming_since):
             supervisor.hold()  # stops for an arm that does not stand by what it is sent

@@ -31,7 +31,8 @@ def replanner_of(
 
     Another way is entered one period of the camera, and the delay until a twist acts, after the image with
     which planning began; time that passes in `RobotCell.wait` alone stands meanwhile. What the plan keeps
-    because mount and estimate are uncertain is kept later, too.
+    because mount and estimate are uncertain is kept later, too, and nothing less is taken: what is uncertain
+    of a newer estimate is not known, so of a path that keeps only what is required its risk is not.
     """
     if plan is None or motion is None or not isinstance(controller, PathTracker):
         return None

@@ -36,6 +36,7 @@ from omniservo.runs.recorded_robot import RecordedRobot, RecordingEnds
 from omniservo.runs.replanner_of import replanner_of
 from omniservo.runs.run_inputs import RunInputs
 from omniservo.runs.safety_of_task import safety_of_task
+from omniservo.runs.task_gaps import TaskGaps
 from omniservo.safety import Controller, Step, VisibilityFilter, servo
 from omniservo.scenes import Scene
 from omniservo.tasks import Task, TaughtGoal
@@ -185,6 +186,7 @@ class _Replayed:
         tracker = self._kind.tracker(task.camera, job.seen.initial_image, self._goal.image, matched)
         robot = RecordedRobot(self._job, scene.arm, scene.flange_T_camera, options)
         moves = Moves(task, _nobody_moves, replanner if self._method.replans else None)
+        gaps = TaskGaps(task, scene, options, replanner)
 
         warmed, (predicted, expected) = robot.warmed(), controller.predict(0.0)
         if warmed is not None:
@@ -195,6 +197,7 @@ class _Replayed:
             self._compare_step(found, robot, step, controller, replanner)
             if replanner is not None and self._method.replans:
                 replanner.look(step.time)
+            gaps.check(step.state)
 
         stop = servo(
             robot,

@@ -65,6 +65,8 @@ class LineClock:
     """how much faster this machine's clock runs [s/s]"""
     spread: float
     """nine tenths of the messages are no later than the least delay by more [s]"""
+    later: float
+    """all messages are by now so much later than at first [s]; 0: the line is as fast as it was"""
 
 
 @with_field_docs
@@ -138,7 +140,7 @@ def line_clock(source: object) -> LineClock | None:
     clock = getattr(source, "clock", None)
     if not isinstance(clock, ClockMap) or math.isnan(clock.offset):
         return None
-    return LineClock(clock.offset, clock.drift, clock.spread)
+    return LineClock(clock.offset, clock.drift, clock.spread, clock.later)
 
 
 def _findings(joints: StreamTimes, images: StreamTimes | None) -> list[str]:
@@ -147,13 +149,15 @@ def _findings(joints: StreamTimes, images: StreamTimes | None) -> list[str]:
         found.append(f"joint states come {joints.rate:.0f} times a second; at least {LEAST_JOINT_RATE:g}")
     if joints.age_p99 > options.joint_age:
         found.append(
-            f"1% of the joint states are {joints.age_p99:.3f} s old or more; at most {options.joint_age:g} s"
+            f"1% of the joint states are {joints.age_p99:.3f} s old or more; at most {options.joint_age:g} s:"
+            " a slow line, or a computer that is too busy"
         )
     if images is None:
         found.append("no images come")
     elif images.age_p99 > options.image_age:
         found.append(
-            f"1% of the images are {images.age_p99:.3f} s old or more; at most {options.image_age:g} s"
+            f"1% of the images are {images.age_p99:.3f} s old or more; at most {options.image_age:g} s: a "
+            "slow line, or a camera or computer that is too busy"
         )
     return found
 

@@ -38,6 +38,7 @@ from omniservo.runs.robot_cell import OpenCell, RobotCell
 from omniservo.runs.safety_of_task import safety_of_task
 from omniservo.runs.score import score
 from omniservo.runs.supervisor_of import supervisor_of
+from omniservo.runs.task_gaps import TaskGaps
 from omniservo.runs.teach_goal import teach_goal
 from omniservo.runs.true_points import true_points
 from omniservo.runs.whole_arm_of import whole_arm_of
@@ -236,12 +237,14 @@ def _drive(
 ) -> RunLog:
     options = safety_of_task(task)
     moves = Moves(task, cell.move_obstacles, replanner if replans else None)
+    gaps = TaskGaps(task, cell.scene, options, replanner)
 
     def after(step: Step) -> None:
         moves.at(step.time)
         recorder.step(step)
         if replanner is not None and replans:
             replanner.look(step.time)
+        gaps.check(step.state)
         progress("following the path", behind())
 
     def behind() -> float:

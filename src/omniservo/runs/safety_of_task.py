@@ -39,9 +39,9 @@ def path_room_of(task: Task) -> float | None:
 
     Every plan, one that is made on the way too, keeps what is for tracking, and besides ``arm_clearance``
     between the arm's bodies and what stands around: so far off, the camera touches nothing. A link that moves
-    more than the camera does is not proven to. Where no bodies are planned for, ``clearance`` stands for the
-    camera's own size and is no room. Where a task knows of nothing around that could be hit, the camera may
-    follow a target that was moved.
+    more than the camera does is watched by `TaskGaps`. Where no bodies are planned for, ``clearance`` stands
+    for the camera's own size and is no room. Where a task knows of nothing around that could be hit, the
+    camera may follow a target that was moved.
     """
     planning = task.planning
     room = tracking_room_of(task) + (planning.arm_clearance or 0.0)

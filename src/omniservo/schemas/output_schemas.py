@@ -52,7 +52,7 @@ _METHOD = mapping(
 )
 _ROWS = several(COUNT)
 _STREAM = mapping(dict.fromkeys(("rate", "age_median", "age_p99", "jitter"), _OR_NULL))
-_CLOCK = nullable(mapping(dict.fromkeys(("offset", "drift", "spread"), NUMBER)))
+_CLOCK = nullable(mapping(dict.fromkeys(("offset", "drift", "spread", "later"), NUMBER)))
 _METRIC = either(NUMBER, TEXT, {"type": "null"}, {"type": "array"})
 
 

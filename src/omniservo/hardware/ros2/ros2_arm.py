@@ -35,7 +35,7 @@ AT_REST = 0.5
 STALE = 0.05
 """After so long without a state [s] messages that name some joints only are an error [s]."""
 
-_LOOK = 0.1
+_LOOK = 0.05
 _TICK = 0.005
 
 
