@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import pytest
@@ -25,7 +26,7 @@ class Scene:
     pixels_initial: np.ndarray
     pixels_goal: np.ndarray
 
-    @property
+    @cached_property
     def rotation(self) -> Rotation:
         return self.initial_T_goal.rotation
 

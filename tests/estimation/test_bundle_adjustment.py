@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import Rotation
 
 from omniservo.cameras import preset
 from omniservo.estimation.refinement.bundle_adjustment import adjust_views, cost_of_views
@@ -25,8 +25,7 @@ def scene(seed, views=5, n=12, noise=0.3):
 
 
 def look(pose, points):
-    transform = RigidTransform.from_components(pose[4:], Rotation.from_quat(pose[:4]))
-    return CAMERA.project(transform.inv().apply(points))[0]
+    return CAMERA.project(Rotation.from_quat(pose[:4]).inv().apply(points - pose[4:]))[0]
 
 
 def guess(poses, points, rng):

@@ -166,7 +166,7 @@ def seen_margins(problem: PlanningProblem, path: CameraPath, w: np.ndarray) -> d
     """Smallest margins at the samples w, computed from poses and pixels alone, by family."""
     poses = path(w)
     t = poses.translation
-    c = np.einsum("kij,kni->knj", poses.rotation.as_matrix(), problem.points[None] - t[:, None])
+    c = np.einsum("kij,kni->knj", poses.as_matrix()[:, :3, :3], problem.points[None] - t[:, None])
     pixels, valid = problem.camera.project(c)
     camera, margin = problem.camera, problem.visibility_margin
     size = np.array([camera.width, camera.height])

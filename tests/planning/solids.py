@@ -75,12 +75,20 @@ def round_distance(obstacle, t, h):
         axes = np.linalg.svd(half[None] / length)[2].T
         axes[:, 0] = half / length
         sizes = np.array([length, obstacle.radius, obstacle.radius])
-        within = [lambda y: 1.0 - y[0] ** 2, lambda y: 1.0 - y[1] ** 2 - y[2] ** 2]
+        discs = [np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 1.0])]
     else:
         center, sizes = obstacle.center, obstacle.radii
         axes = Rotation.from_quat(obstacle.quaternion).as_matrix()
-        within = [lambda y: 1.0 - y[:3] @ y[:3]]
+        discs = [np.ones(3)]
     spread = axes * sizes
+    within = [
+        {
+            "type": "ineq",
+            "fun": lambda y, on=on: 1.0 - on @ y[:3] ** 2,
+            "jac": lambda y, on=on: np.append(-2.0 * on * y[:3], 0.0),
+        }
+        for on in discs
+    ]
 
     def apart(y):
         return center + spread @ y[:3] - t - y[3] * (h - t)
@@ -94,11 +102,11 @@ def round_distance(obstacle, t, h):
             start,
             jac=lambda y: 2.0 * np.append(spread.T @ apart(y), -(h - t) @ apart(y)),
             bounds=[(None, None)] * 3 + [(0.0, 1.0)],
-            constraints=[{"type": "ineq", "fun": f} for f in within],
+            constraints=within,
             method="SLSQP",
             options={"ftol": 1e-16, "maxiter": 500},
         )
-        if min(f(found.x) for f in within) > -1e-9:
+        if min(w["fun"](found.x) for w in within) > -1e-9:
             return np.sqrt(max(found.fun, 0.0))
     raise AssertionError(found.message)
 
@@ -130,7 +138,7 @@ def true_clearance(obstacle, path):
     def away(w):
         return distances(obstacle, path.positions(w) - displaced(obstacle, w))
 
-    w = FINE[::50] if isinstance(obstacle, Mesh | Cylinder | Ellipsoid) else FINE
+    w = FINE[::250] if isinstance(obstacle, Mesh | Cylinder | Ellipsoid) else FINE
     values = away(w)
     k = int(np.argmin(values))
     around = w[max(k - 1, 0)], w[min(k + 1, len(w) - 1)]

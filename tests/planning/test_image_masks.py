@@ -41,7 +41,7 @@ def problem(mask, **changes: object) -> PlanningProblem:
 def pixels_along(camera: UnifiedCamera, path: CameraPath, points: np.ndarray, w: np.ndarray) -> np.ndarray:
     poses = path(w)
     offsets = points[None] - poses.translation[:, None]
-    return camera.project(np.einsum("kij,kni->knj", poses.rotation.as_matrix(), offsets))[0]
+    return camera.project(np.einsum("kij,kni->knj", poses.as_matrix()[:, :3, :3], offsets))[0]
 
 
 def beyond(corners, pixels: np.ndarray) -> np.ndarray:

@@ -37,8 +37,10 @@ def followed(any_arm):
 
 
 def camera_error(arm, base_T_initial, q, w, path=CURVE):
-    off = (base_T_initial * path(w)).inv() * arm.base_T_flange(q) * FLANGE_T_CAMERA
-    return max(np.linalg.norm(off.translation), off.rotation.magnitude())
+    base_T_wanted = base_T_initial.as_matrix() @ path(w).as_matrix()
+    base_T_camera = arm.base_T_flange(q).as_matrix() @ FLANGE_T_CAMERA.as_matrix()
+    off = np.linalg.solve(base_T_wanted, base_T_camera)
+    return max(np.linalg.norm(off[:3, 3]), Rotation.from_matrix(off[:3, :3]).magnitude())
 
 
 def long_enough(result):

@@ -34,7 +34,7 @@ def rays(arm, around=()):
     def first(q, point):
         data.qpos[:] = q
         mujoco.mj_kinematics(model, data)
-        centre = (arm.base_T_flange(q) * MOUNT).translation
+        centre = arm.base_T_flange(q).apply(MOUNT.translation)
         way, met = point - centre, np.zeros(1, dtype=np.int32)
         length = np.linalg.norm(way)
         groups = np.ones(6, dtype=np.uint8)

@@ -16,10 +16,11 @@ from omniservo.verification import verify_plan
 PAPER, WALL = "paper-example-1", "perspective-wall"
 
 
-def run_slowly(task, cell=PlainCell):
-    """A run with fewer images a second, each of one instant: they take most of the time."""
+def run_shortly(task, cell=PlainCell):
+    """A short run with few images, each of one instant: they take most of the time."""
     sensor = task.sensor.model_copy(update={"rate": 3.0, "exposure": 0.0, "readout": 0.0})
-    task = task.model_copy(update={"sensor": sensor})
+    servo = task.servo.model_copy(update={"duration": 2.5})
+    task = task.model_copy(update={"sensor": sensor, "servo": servo})
     return run_task(task, cell, filmed=False)
 
 
@@ -38,12 +39,12 @@ def keeps_its_promises(result, lens):
 
 def test_a_run_with_a_published_lens_is_certified_and_converges():
     lens = PUBLISHED["RealSense, colour"]
-    keeps_its_promises(run_slowly(load_task(WALL, camera=lens)), lens)
+    keeps_its_promises(run_shortly(load_task(WALL, camera=lens)), lens)
 
 
 def test_a_run_with_a_file_of_ocamcalib_is_certified_and_converges(shared_data):
     path = shared_data / "calibrations/ocamcalib/premnirmal_Homing-in-Scale-Space__calib_results.txt"
-    result = run_slowly(load_task(PAPER, camera=path), DrawnCell)
+    result = run_shortly(load_task(PAPER, camera=path), DrawnCell)
     assert result.task.camera.to_dict()["model"] == load_model(path).to_dict()["model"] == "ocam"
     keeps_its_promises(result, result.task.camera)
 
@@ -60,7 +61,7 @@ def test_a_run_that_looks_again_does_so_with_the_camera_s_own_model(tmp_path):
     document["scale"] = {"displacement": 223.557, "sigma": 0.15}
     lens = KannalaBrandt(130.0, 130.0, 316.8, 254.9, 659, 432, k=PUBLISHED["RealSense T265, fisheye"].k)
     assert to_unified(lens).residual.largest_px > 1.0
-    result = run_slowly(load_task(written(tmp_path, document), camera=lens), DrawnCell)
+    result = run_shortly(load_task(written(tmp_path, document), camera=lens), DrawnCell)
     keeps_its_promises(result, lens)
     (look,) = result.looks
     assert look.after.goal_m < 0.1 * look.before.goal_m

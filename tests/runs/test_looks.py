@@ -24,7 +24,7 @@ def task_with(folder, **planning):
     """The paper's target past a box, its displacement known to 15%, at a risk of 1%."""
     document = shipped("whole-arm-1")
     document["obstacles"] = [BOX]
-    document["sensor"]["rate"] = 8
+    document["sensor"]["rate"], document["servo"]["duration"] = 8, 2.5
     document["planning"] |= {"obstacles": [{"type": "box", **BOX}], "clearance": 20, "risk": 0.01} | planning
     document["scale"] = {"displacement": 223.557, "sigma": 0.15}
     return load_task(written(folder, document))
@@ -127,7 +127,7 @@ def test_where_every_look_shows_nothing_the_arm_stands_where_it_stood_and_that_i
 
 def test_a_start_near_a_singularity_is_left_instead_of_being_refused(tmp_path):
     document = shipped("whole-arm-1")
-    document["sensor"]["rate"] = 8
+    document["sensor"]["rate"], document["servo"]["duration"] = 8, 2.5
     document["start"] = {"joints": [10, 20, 70, 5, 0.4, 0]}  # axes 4 and 6 are all but parallel
     document["teach"] = {"initial_T_goal": {"translation": [60, -40, 90], "rotation_vector": [5, -8, 10]}}
     document["target"]["boards"][-1]["half_extents"] = [160, 160, 10]  # none of it where the arm stands
@@ -146,7 +146,7 @@ def test_a_start_near_a_singularity_is_left_instead_of_being_refused(tmp_path):
 
 def test_natural_features_are_joined_over_a_look_s_images_and_the_run_ends_at_its_goal(tmp_path):
     document = shipped("textured-object")
-    document["sensor"]["rate"] = 3  # pictures take most of the time
+    document["sensor"]["rate"], document["servo"]["duration"] = 3, 2.5  # pictures take most of the time
     document["planning"]["visibility_margin"] = 8
     document["scale"]["sigma"] = 0.05  # so that at a risk of 1% there is no path before
     smaller = UnifiedCamera(270.0, 270.0, 223.5, 167.5, 0.0, 448, 336)  # half of the pixels

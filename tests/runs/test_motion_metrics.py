@@ -1,9 +1,10 @@
-"""The joints' numbers in metrics.json, against the run's own log and plan."""
+"""A run with seven joints; their numbers in metrics.json, against the run's own log and plan."""
 
 import numpy as np
 import pytest
 from tests.runs.changed_task import PlainCell
 
+from omniservo.reporting.signals import joint_velocities
 from omniservo.runs import run_task
 from omniservo.tasks import load_task
 from omniservo.tasks.sensor import SensorSection
@@ -27,6 +28,16 @@ def test_a_hurried_run_arrives_within_half_of_the_joints_limits_and_the_image_sp
     assert metrics["image_speed_planned_px_s"] <= 300.0
     assert metrics["motion_seconds"] == pytest.approx(metrics["time_optimal_seconds"], rel=1e-5)
     assert metrics["motion_seconds"] < 2.0
+
+
+def test_seven_joints_reach_the_goal_and_are_drawn(hurried):
+    assert hurried.metrics["final_translation_error_m"] <= 0.3e-3
+    assert hurried.metrics["arm_clearance_executed_m"] >= 0.005
+    joints = hurried.log.column("joints")
+    assert joints.shape[1] == 7
+    # also in what the camera leaves free: the whole arm's proof is of these joints
+    assert np.abs(joints[-1] - hurried.motion.joints(1.0)).max() < 0.01
+    assert len(joint_velocities(hurried).figure.axes[0].lines) == 7
 
 
 def test_joint_metrics_are_those_of_plan_and_log(hurried):

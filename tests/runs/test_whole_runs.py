@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from tests.runs.changed_task import PlainCell
 
-from omniservo.reporting.signals import joint_velocities
 from omniservo.runs import estimate_in_cell, run_task
 from omniservo.simulation import SimulatedCell
 from omniservo.tasks import load_task
@@ -14,7 +13,7 @@ TRUE_TRANSLATION = np.array([0.0497, -99.9782, 199.9552]) * 1e-3
 
 @pytest.fixture(scope="module")
 def certified():
-    return run_task(slower("paper-example-1", 12.0), PlainCell, method="certified", filmed=False)
+    return run_task(slower("paper-example-1", 6.0), PlainCell, method="certified", filmed=False)
 
 
 def slower(name, rate):
@@ -60,7 +59,7 @@ def test_the_log_agrees_with_the_metrics(certified):
 
 
 def test_classical_servoing_touches_the_box():
-    metrics = run_task(slower("paper-example-1", 12.0), PlainCell, method="ibvs", filmed=False).metrics
+    metrics = run_task(slower("paper-example-1", 6.0), PlainCell, method="ibvs", filmed=False).metrics
     assert metrics["status"] == "contact"
     assert any("obstacle 0" in pair for pair in metrics["contacts"])
     assert metrics["planning_seconds"] is None
@@ -71,18 +70,3 @@ def test_a_distorted_calibration_of_a_real_lens_estimates_the_same_motion(shared
     estimate = estimate_in_cell("paper-example-1", SimulatedCell, camera=str(camera)).estimate
     assert estimate.status == "ok"
     assert estimate.initial_T_goal.translation == pytest.approx(TRUE_TRANSLATION, abs=0.5e-3)
-
-
-def test_seven_joints_reach_the_goal_and_are_drawn():
-    task = slower("panda-table", 4.0)
-    result = run_task(task, PlainCell, filmed=False)
-    metrics = result.metrics
-    assert (metrics["status"], metrics["contacts"]) == ("converged", [])
-    assert metrics["final_translation_error_m"] <= 0.3e-3
-    assert metrics["clearance_executed_m"] >= task.planning.clearance
-    assert metrics["arm_clearance_executed_m"] >= 0.005
-    joints = result.log.column("joints")
-    assert joints.shape[1] == 7
-    # also in what the camera leaves free: the whole arm's proof is of these joints
-    assert np.abs(joints[-1] - result.motion.joints(1.0)).max() < 0.01
-    assert len(joint_velocities(result).figure.axes[0].lines) == 7

@@ -179,7 +179,7 @@ class _Problem:
         local = np.column_stack((tilted[:, :2], np.ones(self._count)))
         bearings = np.einsum("nij,nj->ni", self._frames, local / np.linalg.norm(local, axis=1)[:, None])
         poses, inverse = self._poses(float(x[0])), tilted[:, 2:]
-        turns, places = poses.rotation.as_matrix(), poses.translation
+        turns, places = poses.as_matrix()[..., :3, :3], poses.translation
         seen = np.einsum("kji,knj->kni", turns, bearings - inverse * places[:, None, :])
         pixels, valid = self._camera.project(seen)
         rest = np.where(valid[..., None], pixels - self._tracks, 1e3)

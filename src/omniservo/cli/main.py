@@ -6,12 +6,14 @@ import gc
 import signal
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import cache
 from types import FrameType
-from typing import Annotated, NoReturn
+from typing import Annotated, Any, NoReturn
 
 import typer
+from typer.main import get_command
 
 import omniservo
 from omniservo.cli import (
@@ -81,6 +83,12 @@ def _omniservo(
         print(first_steps())
 
 
+@cache
+def _commands() -> Callable[..., Any]:
+    """Return the commands, made once: typer reads all their signatures."""
+    return get_command(app)
+
+
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line; a wrong input is one message and exit code 2, never a traceback.
 
@@ -91,7 +99,7 @@ def main(arguments: list[str] | None = None) -> None:
     DOING.stage, DOING.written = "", []
     try:
         with _ended_cleanly():
-            app(args=arguments)
+            _commands()(args=arguments)
     except AlreadyExists as error:
         _end(WRONG_INPUT, f"{error.path}: exists; --force replaces it")
     except InputError as error:

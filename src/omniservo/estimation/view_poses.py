@@ -256,7 +256,9 @@ def place_others(views: PlacedViews) -> None:
 
 def pose_of(row: FloatArray) -> RigidTransform:
     """Return a row of ``poses`` as a pose."""
-    return RigidTransform.from_components(row[4:], Rotation.from_quat(row[:4]))
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = Rotation.from_quat(row[:4]).as_matrix(), row[4:]
+    return RigidTransform(matrix, normalize=False)
 
 
 def place_by_known_points(views: PlacedViews, length: GaugeLength) -> bool:

@@ -46,7 +46,7 @@ def gap_slopes(
     with_mount = to_joints @ (adjoint(initial_T_camera.inv()) - np.eye(6))
     bodies.place(q)
     asked = bodies.asked(setting.clearance_around, setting.self_clearance)
-    base_R_initial = setting.base_T_initial.rotation.as_matrix()
+    base_R_initial = setting.base_T_initial.as_matrix()[..., :3, :3]
     fixed = {s.name for s in setting.surroundings}
     left, by_mount, by_move = [], [np.zeros((0, 6))], [np.zeros((0, 6))]
     for near in bodies.near(float(asked.max(initial=0.0)) + NEAR):

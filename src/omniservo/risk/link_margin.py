@@ -184,7 +184,7 @@ def _mounts(setting: ArmSetting, covariance: FloatArray | None, count: int, seed
     if covariance is None:
         return np.zeros((count, 6))
     to_camera = np.eye(6)
-    to_camera[:3, :3] = setting.flange_T_camera.rotation.as_matrix().T
+    to_camera[:3, :3] = setting.flange_T_camera.as_matrix()[..., :3, :3].T
     values, vectors = np.linalg.eigh(to_camera @ covariance @ to_camera.T)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
     errors: FloatArray = np.random.default_rng([20120611, seed]).standard_normal((count, 6)) @ root.T

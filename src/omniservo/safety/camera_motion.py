@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.spatial.transform import RigidTransform
 
 from omniservo.geometry.arrays import FloatArray
+from omniservo.geometry.quaternions import quaternion_from_matrix
 from omniservo.safety.supervised_robot import SupervisedRobot
 
 
@@ -24,7 +25,7 @@ class CameraMotion:
     def __call__(self, time: float) -> FloatArray:
         """Return base_T_camera at ``time`` [s]: quaternion (x, y, z, w) and translation [m], (7,)."""
         place = self._base_T_camera(time)
-        return np.concatenate((Rotation.from_matrix(place[:3, :3]).as_quat(), place[:3, 3]))
+        return np.concatenate((quaternion_from_matrix(np.ascontiguousarray(place[:3, :3])), place[:3, 3]))
 
     @property
     def until(self) -> float:
@@ -38,8 +39,9 @@ class CameraMotion:
         """
         if until <= since:
             return np.zeros(6)
-        before, after = (RigidTransform.from_matrix(self._base_T_camera(time)) for time in (since, until))
-        turn_and_shift = (before.inv() * after).as_exp_coords() / (until - since)
+        before, after = (self._base_T_camera(time) for time in (since, until))
+        moved = RigidTransform(np.linalg.inv(before) @ after, normalize=False)
+        turn_and_shift = moved.as_exp_coords() / (until - since)
         return np.concatenate((turn_and_shift[3:], turn_and_shift[:3]))
 
     def _base_T_camera(self, time: float) -> FloatArray:

@@ -51,14 +51,15 @@ class FollowingWatch:
     def __init__(self, arm: Arm, options: SafetyOptions) -> None:
         self._arm, self._options = arm, options
         self._windows = options.reaction * WINDOWS
-        self._back = np.concatenate(([0.0], self._windows))
+        back = np.concatenate(([0.0], self._windows))
         lags: FloatArray = np.arange(-1.0, STEPS * SPAN + 2) * (options.drive_lag / STEPS)
-        self._sent_back = self._back[:, None] + lags[1:-1]
-        self._weights, self._cells = _drives(lags, options.drive_lag)
-        gains = np.linspace(options.least_gain, options.most_gain, GAINS)
-        self._gains = np.stack((gains[:-2], gains[2:]))[..., None, None, None]
+        self._sent_back = back[:, None] + lags[1:-1]
+        """how long before the last reading motion is sampled: back from each end of each window [s]"""
+        self._weights, self._corners = _drives(lags, options.drive_lag)
+        gains = np.linspace(options.least_gain, options.most_gain, GAINS)[:, None, None]
+        self._least, self._most = gains[:-2], gains[2:]
         self._checked = -np.inf
-        self._refuted = np.full((GAINS - 2, len(self._cells), arm.dof), -np.inf)
+        self._refuted = np.full((GAINS - 2, self._corners.shape[1], arm.dof), -np.inf)
         """when a drive with these bounds last did not explain a joint's motion [s]"""
 
     def check(self, history: MotionHistory) -> None:
@@ -71,38 +72,43 @@ class FollowingWatch:
         if abs(now - self._checked) < SPACING:
             return
         self._checked = now
-        turned = history.at(now - self._back)[0]
-        moved = turned[0] - turned[1:]
-        low, high = self._explained(history)
-        beyond = np.maximum(low - moved, moved - high)  # (gains, cells, windows, n)
+        q, sent, slowest = history.at(now - self._sent_back)
+        moved = (q[0, 0] - q[1:, 0])[:, None, None]  # (windows, 1, 1, n)
+        low, high = self._explained(sent, slowest)
+        beyond = np.maximum(low - moved, moved - high)
         recent = now - self._refuted <= MEMORY
-        wrong = beyond.max(axis=2) > self._options.following_error
+        wrong = beyond.max(axis=0) > self._options.following_error
         self._refuted[wrong] = now
         left = ~(recent | wrong).all(axis=(0, 1))
         if left.all():
             return
         j = int(np.argmin(left))
-        beyond = np.where(recent[..., j, None], np.inf, beyond[..., j])  # of what explained it until now
-        best = np.unravel_index(int(np.argmin(beyond.max(axis=2))), beyond.shape[:2])
-        k = int(np.argmax(beyond[best]))
+        beyond = np.where(recent[..., j], np.inf, beyond[..., j])  # of what explained it until now
+        gain, cell = np.unravel_index(int(np.argmin(beyond.max(axis=0))), beyond.shape[1:])
+        k = int(np.argmax(beyond[:, gain, cell]))
         raise NotFollowing(
-            f"{self._arm.joint_names[j]} turned by {np.rad2deg(moved[k, j]):.2f} deg in "
-            f"{self._windows[k]:.3g} s; what was sent asks for {np.rad2deg(low[best][k, j]):.2f} … "
-            f"{np.rad2deg(high[best][k, j]):.2f} deg, its drive being what it was"
+            f"{self._arm.joint_names[j]} turned by {np.rad2deg(moved[k, 0, 0, j]):.2f} deg in "
+            f"{self._windows[k]:.3g} s; what was sent asks for {np.rad2deg(low[k, gain, cell, j]):.2f} … "
+            f"{np.rad2deg(high[k, gain, cell, j]):.2f} deg, its drive being what it was"
         )
 
-    def _explained(self, history: MotionHistory) -> tuple[FloatArray, FloatArray]:
-        """Return the least and the most that drives turn joints by, (gains, cells, windows, n) [rad]."""
-        averaged = [
-            np.tensordot(self._weights, sent, axes=(1, 1))
-            for sent in history.at(history.time - self._sent_back)[1:]
-        ]
-        fast, slow = (sent[:, :1] - sent[:, 1:] for sent in averaged)  # (drives, windows, n)
-        apart = np.abs(fast - slow)[self._cells].max(axis=1)
-        low = np.minimum(fast, slow)[self._cells].min(axis=1)
-        high = np.maximum(fast, slow)[self._cells].max(axis=1)
-        apart = self._gains.max(axis=0) * np.maximum.accumulate(apart, axis=1)  # of parts of a window, too
-        return (self._gains * low).min(axis=0) - apart, (self._gains * high).max(axis=0) + apart
+    def _explained(self, sent: FloatArray, slowest: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the least and the most that drives turn joints by, (windows, gains, cells, n) [rad].
+
+        Args:
+            sent: (windows + 1, lags, n) S as it was so long ago [rad].
+            slowest: D, likewise.
+        """
+        averaged = self._weights @ sent, self._weights @ slowest
+        fast, slow = (angles[0] - angles[1:] for angles in averaged)  # (windows, drives, n)
+        apart = np.abs(fast - slow)[:, self._corners].max(axis=1)
+        low = np.minimum(fast, slow)[:, self._corners].min(axis=1)[:, None]
+        high = np.maximum(fast, slow)[:, self._corners].max(axis=1)[:, None]
+        apart = self._most * np.maximum.accumulate(apart)[:, None]  # of parts of a window, too
+        return (
+            np.minimum(self._least * low, self._most * low) - apart,
+            np.maximum(self._least * high, self._most * high) + apart,
+        )
 
 
 def _drives(lags: FloatArray, most: float) -> tuple[FloatArray, IntArray]:
@@ -113,7 +119,7 @@ def _drives(lags: FloatArray, most: float) -> tuple[FloatArray, IntArray]:
         most: dead time and time constant together [s].
 
     Returns:
-        (drives, lags − 2) weights of a function that is linear between the lags, exact; (cells, 4) rows.
+        (drives, lags − 2) weights of a function that is linear between the lags, exact; (4, cells) rows.
     """
     rows: dict[tuple[int, int], int] = {}
     weights: list[FloatArray] = []
@@ -135,4 +141,4 @@ def _drives(lags: FloatArray, most: float) -> tuple[FloatArray, IntArray]:
         for j in range(len(CONSTANTS) - 1)
         if DELAYS[i] + CONSTANTS[j] < 1.0 - 1e-9
     ]
-    return np.array(weights), np.array(cells)
+    return np.array(weights), np.array(cells).T

@@ -59,11 +59,14 @@ class MotionHistory:
         if elapsed < 0.0:
             self.begin(state)
             return
+        if elapsed == 0.0:
+            self._rows[last, 0] = state.joint_positions
+            return
         change = elapsed * self._acceleration
         self._slowest = self._slowest + np.clip(self._velocities - self._slowest, -change, change)
         sent = self._rows[last, 1] + elapsed * self._velocities
         slowest = self._rows[last, 2] + elapsed * self._slowest
-        if elapsed > 0.0 and (last == 0 or time - self._times[last - 1] > SPACING + 1e-9):
+        if last == 0 or time - self._times[last - 1] > SPACING + 1e-9:
             last += 1
         if last == _ROWS:
             last = self._forget_old()

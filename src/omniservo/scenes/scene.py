@@ -14,6 +14,7 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.cameras.models import CentralModel
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, frozen
+from omniservo.planning.quick_poses import composed
 from omniservo.robots import Arm, Solid
 from omniservo.scenes.lens_error import LensError
 from omniservo.scenes.light import Light
@@ -173,7 +174,7 @@ class Scene:
 
     def world_T_camera(self, q: FloatArray) -> RigidTransform:
         """Return the camera's pose for the joints ``q`` (n,) [rad]."""
-        return self.world_T_base * self.arm.base_T_flange(q) * self.flange_T_camera
+        return composed(composed(self.world_T_base, self.arm.base_T_flange(q)), self.flange_T_camera)
 
     def joints_for(self, world_T_camera: RigidTransform, near: FloatArray) -> FloatArray:
         """Return the joints (n,) [rad] nearest to ``near`` that put the camera at the pose.

@@ -122,20 +122,22 @@ class SimulatedRobot:
 
     def image(self) -> CameraImage | None:
         """Return the newest delivered frame; None before the first one arrives."""
-        exposure = self.newest_exposure()
-        if exposure is None or not self._rendered:
-            return None if exposure is None else CameraImage(exposure.time, np.zeros((0, 0), dtype=np.uint8))
-        if self._picture is None or self._picture.time != exposure.time:
-            if self._renderer is None or self._renderer.world is not exposure.world:
-                self._renderer = UnifiedRenderer(exposure.world)
-            self._picture = CameraImage(exposure.time, exposure.photographed(self._renderer))
+        if self._delivered is None:
+            return None
+        if self._picture is None or self._picture.time != self._delivered[0] * TICK:
+            exposure, pixels = self._exposure(*self._delivered), np.zeros((0, 0), dtype=np.uint8)
+            if self._rendered:
+                if self._renderer is None or self._renderer.world is not exposure.world:
+                    self._renderer = UnifiedRenderer(exposure.world)
+                pixels = exposure.photographed(self._renderer)
+            self._picture = CameraImage(exposure.time, pixels)
         return self._picture
 
     def newest_exposure(self) -> Exposure | None:
         """Return what the newest delivered frame shows; None before the first one arrives."""
-        if self._delivered is None:
-            return None
-        tick, number = self._delivered
+        return None if self._delivered is None else self._exposure(*self._delivered)
+
+    def _exposure(self, tick: int, number: int) -> Exposure:
         joints, world = self._exposed[tick * TICK]
         light = self._scene.light_at(tick * TICK)
         return Exposure(tick * TICK, self._motion or joints, world, light, (self._seed, number))

@@ -59,7 +59,7 @@ def judge_rotations(base_T_flange: Sequence[RigidTransform]) -> Refusal | None:
     (R − I) t = … is what the views say about the camera's place t, R being the flange's rotation between two
     of them: along an axis that no R moves, they say nothing.
     """
-    R = np.stack([pose.rotation.as_matrix() for pose in base_T_flange])
+    R = np.stack([pose.as_matrix()[..., :3, :3] for pose in base_T_flange])
     i, j = np.triu_indices(len(R), k=1)
     moved_by = np.swapaxes(R[i], 1, 2) @ R[j] - np.eye(3)
     squares, axes = np.linalg.eigh(np.einsum("nki,nkj->ij", moved_by, moved_by) / len(i))
@@ -141,7 +141,7 @@ def _length_factor(
     base_T_flange: RigidTransform, flange_T_camera: RigidTransform, camera_T_board: RigidTransform
 ) -> float:
     """Return s of the best s t_A + R_A (R_X t_B + t_X) = t_Z, linear in s, t_X and t_Z."""
-    R = base_T_flange.rotation.as_matrix()
+    R = base_T_flange.as_matrix()[..., :3, :3]
     seen = base_T_flange.rotation.apply(flange_T_camera.rotation.apply(camera_T_board.translation))
     rows = np.concatenate(
         [base_T_flange.translation[:, :, None], R, -np.broadcast_to(np.eye(3), R.shape)], axis=2

@@ -38,7 +38,7 @@ class SeenViews:
     def rows(self, camera_T_board: RigidTransform) -> FloatArray:
         """Return the board's points (N, 3) in the camera, from its pose in each view."""
         counts = np.diff(self.ends)
-        R = np.repeat(camera_T_board.rotation.as_matrix(), counts, axis=0)
+        R = np.repeat(camera_T_board.as_matrix()[..., :3, :3], counts, axis=0)
         t = np.repeat(camera_T_board.translation, counts, axis=0)
         return np.asarray((R @ self.points[:, :, None])[:, :, 0] + t)
 
@@ -137,11 +137,11 @@ def linearise(camera: CentralModel, views: SeenViews, state: LoopState, sigma_px
 def _twists(state: LoopState, camera_T_board: RigidTransform) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return by which twist (v, ω) of the board in the camera X, Z and Δ move it, (n, 6, 6) each."""
     n = len(state.offsets)
-    camera_R_flange = state.flange_T_camera.rotation.as_matrix().T
-    camera_R_board = camera_T_board.rotation.as_matrix()
+    camera_R_flange = state.flange_T_camera.as_matrix()[..., :3, :3].T
+    camera_R_board = camera_T_board.as_matrix()[..., :3, :3]
     by_X, by_Z, by_offset = np.zeros((3, n, 6, 6))
     by_X[:, :3, :3], by_X[:, 3:, 3:] = -camera_R_flange, -np.eye(3)
-    by_Z[:, :3, :3] = camera_R_board @ state.base_T_board.rotation.as_matrix().T
+    by_Z[:, :3, :3] = camera_R_board @ state.base_T_board.as_matrix()[..., :3, :3].T
     by_Z[:, :3, 3:] = _cross_matrices(camera_T_board.translation) @ camera_R_board
     by_Z[:, 3:, 3:] = camera_R_board
     by_offset[:, :3, :3] = -camera_R_flange @ Rotation.from_rotvec(-state.offsets[:, 3:]).as_matrix()

@@ -91,7 +91,7 @@ class PoseChoice:
         """
         if not self._poses:
             return np.zeros(3)
-        R = np.array([pose.rotation.as_matrix() for pose in self._poses])
+        R = np.array([pose.as_matrix()[..., :3, :3] for pose in self._poses])
         tilts = np.arcsin(np.clip(R[:, 1::-1, 2], -1.0, 1.0))
         about_axis = np.arctan2(R[:, 1, 0], R[:, 0, 0])
         turned = np.angle(np.exp(1j * (about_axis - about_axis[0])))

@@ -12,6 +12,9 @@ _ROUNDS = 20
 _GOOD_ENOUGH = 1e-6
 _WORTH_WHILE = 1e-3
 _STEP = 1e-6
+_ROWS = 100
+"""So many more of a linear program's rows are taken at a time."""
+_EXACT = 1e-9
 
 
 def least_maximum(differences: Callable[[FloatArray], FloatArray], vector: FloatArray) -> FloatArray:
@@ -71,12 +74,20 @@ def _program(jacobian: FloatArray, current: FloatArray, trust: float) -> tuple[F
     # columns in units of what moves the pixels by as much as the largest residual
     scale = float(lengths.max()) / np.maximum(np.abs(slopes).max(axis=0), 1e-12)
     scaled = slopes * scale
-    ones = np.ones((len(values), 1))
-    A = np.vstack([np.hstack([scaled, -ones]), np.hstack([-scaled, -ones])])
+    rows, limits = np.vstack([scaled, -scaled]), np.concatenate([-values, values])
     count = int(scale.size)
     bounds = [(-10.0 * trust, 10.0 * trust)] * count + [(0.0, None)]
-    result = linprog(np.append(np.zeros(count), 1.0), A, np.concatenate([-values, values]), bounds=bounds)
-    if not result.success:
-        return np.zeros(count), np.inf
-    x = np.asarray(result.x)
-    return x[:-1] * scale, float(x[-1])
+    chosen = np.argsort(limits)[:_ROWS]  # few decide: the others follow only where a step breaks them
+    while True:
+        A = np.hstack([rows[chosen], np.full((len(chosen), 1), -1.0)])
+        result = linprog(np.append(np.zeros(count), 1.0), A, limits[chosen], bounds=bounds)
+        if not result.success:
+            return np.zeros(count), np.inf
+        x = np.asarray(result.x)
+        beyond = rows @ x[:-1] - limits - x[-1]
+        beyond[chosen] = 0.0
+        broken = np.argsort(-beyond)[:_ROWS]
+        broken = broken[beyond[broken] > _EXACT * lengths.max()]
+        if not len(broken):
+            return x[:-1] * scale, float(x[-1])
+        chosen = np.append(chosen, broken)

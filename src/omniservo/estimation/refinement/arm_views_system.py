@@ -133,7 +133,7 @@ def system_of(at: ArmViewsOptimum, tolerance: float | None) -> tuple[FloatArray,
     directions = lens_directions(views.known)
     every = np.arange(n)
     for i, pose in enumerate(at.poses):
-        turn = pose.rotation.as_matrix()
+        turn = pose.as_matrix()[:3, :3]
         by_point = slopes[i] @ turn.T
         for axis in range(3):
             jacobian[i, every, :, where.points[:, axis]] = by_point[:, :, axis]
@@ -167,7 +167,7 @@ def _priors(at: ArmViewsOptimum, where: Columns, size: int) -> list[tuple[FloatA
         by_mount = (np.eye(6) - adjoint(reached.inv())) @ mounts.T
         gap = np.concatenate((error.translation, error.rotation.as_rotvec())) - by_mount @ at.mount
         slopes = np.zeros((6, size))
-        slopes[:3, where.pose(i)[:3]] = reached.rotation.as_matrix().T
+        slopes[:3, where.pose(i)[:3]] = reached.as_matrix()[:3, :3].T
         slopes[3:, where.pose(i)[3:]] = np.eye(3)
         slopes[:, where.mount] = -by_mount
         rows.append((gap / REPEATS, slopes / REPEATS[:, None]))
@@ -207,8 +207,10 @@ def _moved(at: ArmViewsOptimum, step: FloatArray) -> ArmViewsOptimum:
     poses = [at.poses[0]]
     for i, pose in enumerate(at.poses[1:], start=1):
         by = step[where.pose(i)]
-        turned = pose.rotation * Rotation.from_rotvec(by[3:])
-        poses.append(RigidTransform.from_components(pose.translation + by[:3], turned))
+        moved = pose.as_matrix()
+        moved[:3, :3] = moved[:3, :3] @ Rotation.from_rotvec(by[3:]).as_matrix()
+        moved[:3, 3] += by[:3]
+        poses.append(RigidTransform(moved, normalize=False))
     return replace(
         at, poses=tuple(poses), points=at.points + step[where.points], mount=at.mount + step[where.mount],
         lens=at.lens + step[where.lens],

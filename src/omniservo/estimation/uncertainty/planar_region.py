@@ -49,8 +49,10 @@ def planar_stretches(
     usual = chdtri(MOTION, 1.0 - LEVEL) if math.isinf(freedom) else MOTION * fdtri(MOTION, freedom, LEVEL)
     tips = []
     for most in (float(usual), SURE**2):
-        for found in (*others, *_tips(motion, rays, across, spread, math.sqrt(most))):
-            turn = Rotation.from_matrix(motion.rotation.T @ found.rotation).as_rotvec()
+        listed = (*others, *_tips(motion, rays, across, spread, math.sqrt(most)))
+        rotations = np.array([found.rotation for found in listed]).reshape(-1, 3, 3)
+        turns = Rotation.from_matrix(motion.rotation.T @ rotations).as_rotvec()
+        for found, turn in zip(listed, turns, strict=True):
             shift = across.T @ (found.translation - motion.translation)
             tips.append((np.concatenate((turn, shift)), found, math.sqrt(most)))
     weights = stretch_weights(inner, np.array([offset / size for offset, _, size in tips]), 1.0)

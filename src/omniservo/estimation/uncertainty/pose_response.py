@@ -37,7 +37,7 @@ def pose_response(
 ) -> tuple[FloatArray, FloatArray] | None:
     """Return G (n, 6, 2) and J (n, 2, 6), 0 for points that are no members; None: the pose is free."""
     points, weights = known
-    rotation = pose.rotation.as_matrix()
+    rotation = pose.as_matrix()[:3, :3]
     seen = (points - pose.translation) @ rotation
     _, slopes, valid = camera.project_jacobian(seen)
     squares = np.where(members & valid, np.square(weights), 0.0)
