@@ -27,8 +27,8 @@ def test_right_pairs_are_found_among_wrong_ones(right, wrong):
     for seed in range(10):
         agree = agreeing_pairs(CAMERA, *pairs(np.random.default_rng(seed), right, wrong))
         assert agree is not None
-        assert agree[:right].mean() > 0.85
-        assert agree[right:].sum() <= 0.4 * wrong
+        assert agree.members[:right].mean() > 0.85
+        assert agree.members[right:].sum() <= 0.4 * wrong
 
 
 @pytest.mark.parametrize("wrong", [8, 45, 80, 150])

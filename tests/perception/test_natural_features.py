@@ -11,6 +11,7 @@ from textured_scenes import Plate, facing_plate, picture, pose, relief, rough_te
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
 from omniservo.perception import ImagePoints, NaturalKind, find_features, match_features, match_images
+from omniservo.perception.guided_matches import LEAST_GUIDES, guided_matches
 from omniservo.perception.match_features import FeatureMatch
 from omniservo.perception.refine_matches import refine_matches
 
@@ -80,6 +81,31 @@ def test_few_pairs_among_many_features_are_too_few_unless_they_agree_on_one_moti
     few = refine_matches(CAMERA, initial, goal, elsewhere, b, FeatureMatch(pairs[: least - 1], "ok", ""))
     assert (few.status, len(few)) == ("too_few", 0)
     assert f"{least} are needed" in few.reason
+
+
+def test_the_motion_of_clear_pairs_finds_half_as_many_more_of_a_turned_camera():
+    rng, there = np.random.default_rng(5), pose([0.4, 0.1, 0.1], [5, -40, 30])
+    plates = relief(rng)
+    initial, goal = (picture(CAMERA, plates, w, rng, rays=2) for w in (HERE, there))
+    a, b = find_features(initial, CAMERA), find_features(goal, CAMERA)
+    clear = refine_matches(CAMERA, initial, goal, a, b, match_features(a, b))
+    match = match_images(CAMERA, initial, goal)
+    known = {tuple(p) for p in clear.initial.pixels}
+    added = np.array([tuple(p) not in known for p in match.initial.pixels])
+    assert len(match) > 1.4 * len(clear)
+    distance = np.linalg.norm(offsets(plates, match, there), axis=1)
+    assert (distance[added] < 1.0).mean() > 0.9
+    assert (distance < 1.0).mean() > 0.97
+
+
+def test_pairs_that_agree_on_no_motion_are_no_guide(scene):
+    _, initial, goal, _ = scene
+    a, b = find_features(initial, CAMERA), find_features(goal, CAMERA)
+    few = FeatureMatch(match_features(a, b).pairs[: LEAST_GUIDES - 1], "ok", "")
+    elsewhere = find_features(initial[::-1].copy(), CAMERA)
+    assert len(guided_matches(CAMERA, initial, goal, a, b, few)) < LEAST_GUIDES
+    wrong = FeatureMatch(np.tile(np.arange(40)[:, None], 2), "ok", "")
+    assert guided_matches(CAMERA, initial, goal, elsewhere, b, wrong).status == "too_few"
 
 
 def test_a_features_own_covariance_covers_where_it_is_found_again(scene):

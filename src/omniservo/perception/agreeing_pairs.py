@@ -12,6 +12,7 @@ samples of eight pairs and from all that agree.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import gammaln
@@ -30,18 +31,30 @@ LEAST_CHANCE = 1e-3
 ROUNDS = 3
 
 
-def agreeing_pairs(camera: CentralModel, initial: FloatArray, goal: FloatArray) -> BoolArray | None:
+class Agreement(NamedTuple):
+    """Pairs that agree on one motion."""
+
+    members: BoolArray
+    """(n,) which do"""
+    essential: FloatArray
+    """E (3, 3) of all of them, xᵀEy ≈ 0 of bearings x of the initial and y of the goal image"""
+
+
+def agreeing_pairs(
+    camera: CentralModel, initial: FloatArray, goal: FloatArray, least: int = LEAST_AGREEING
+) -> Agreement | None:
     """Return which pairs agree on one motion; None where they are no more than chance brings about.
 
     Args:
         camera: took both images.
         initial: (n, 2) [px].
         goal: (n, 2) [px], the same points.
+        least: fewer do not agree.
     """
-    if len(initial) < LEAST_AGREEING:
+    if len(initial) < least:
         return None
     x, y = camera.unproject(initial)[0], camera.unproject(goal)[0]
-    band = BAND_PX * 0.5 * (_radians_per_pixel(camera, initial) + _radians_per_pixel(camera, goal))
+    band = BAND_PX * 0.5 * (radians_per_pixel(camera, initial) + radians_per_pixel(camera, goal))
     rng = np.random.default_rng(0)
     samples = rng.random((SAMPLES, len(x))).argpartition(SAMPLED, axis=1)[:, :SAMPLED]
     matrices = _essential(x[samples], y[samples])
@@ -49,14 +62,14 @@ def agreeing_pairs(camera: CentralModel, initial: FloatArray, goal: FloatArray) 
     best = int(agree.sum(axis=1).argmax())
     matrix, members = matrices[best], agree[best]
     for _ in range(ROUNDS):
-        if np.count_nonzero(members) < LEAST_AGREEING:
+        if np.count_nonzero(members) < least:
             return None
         again = _essential(x[None, members], y[None, members])
         more = (_distances(again, x, y) < band)[0]
         if np.count_nonzero(more) <= np.count_nonzero(members):
             break
         matrix, members = again[0], more
-    return members if _chance(matrix, (x, y), members, band) < FALSE_ALARMS else None
+    return Agreement(members, matrix) if _chance(matrix, (x, y), members, band) < FALSE_ALARMS else None
 
 
 def _chance(
@@ -89,7 +102,7 @@ def _distances(matrices: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray
     return np.asarray(products / np.maximum(least, 1e-12))
 
 
-def _radians_per_pixel(camera: CentralModel, pixels: FloatArray) -> FloatArray:
+def radians_per_pixel(camera: CentralModel, pixels: FloatArray) -> FloatArray:
     """(n,) the root of a pixel's solid angle; a large one at the rim, where that is not known."""
     around, valid = camera.unproject(
         pixels[:, None] + np.array([[0.5, 0.0], [-0.5, 0.0], [0.0, 0.5], [0.0, -0.5]])

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from omniservo.field_docs import with_field_docs
-from omniservo.geometry.arrays import FloatArray, IntArray
+from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray
 from omniservo.perception.features import Features
 from omniservo.perception.rival_kernels import best_and_rival
 
@@ -20,6 +20,8 @@ RATIO = 0.8
 TWINS = 0.25
 """descriptor distance, of at most √2, below which two places look the same; the most similar one elsewhere
 is at about 0.45 on rough surfaces, at 0.1 on a pattern that repeats"""
+LARGEST_GAP = 0.7
+"""descriptor distance, of at most √2, beyond which two places do not look the same"""
 ELSEWHERE = 3.0
 """[scales] nearer to a feature is the same place, seen at another scale or orientation"""
 LEAST_SHARE = 0.5
@@ -76,6 +78,20 @@ def match_features(initial: Features, goal: Features) -> FeatureMatch:
         return _refused("too_few", f"{count} features are found again; {LEAST_PAIRS} are needed")
     order = np.argsort(gap[i][clear], kind="stable")
     return FeatureMatch(np.stack([i[clear], j[clear]], axis=1)[order], "ok", f"{count} pairs")
+
+
+def match_near(initial: Features, goal: Features, near: BoolArray) -> IntArray:
+    """Pair (m, 2) features that are each other's most similar one of those ``near`` (n, n') each other.
+
+    Nothing near looks like them, and they look alike: `LARGEST_GAP`. What looks like them elsewhere does not
+    count.
+    """
+    across = np.where(near, initial.descriptors @ goal.descriptors.T, np.float32(-1.0))
+    best, gap, rival = _nearest(across, goal, itself=False)
+    back, _, rival_back = _nearest(np.ascontiguousarray(across.T), initial, itself=False)
+    i = np.flatnonzero((back[best] == np.arange(len(best))) & (gap < LARGEST_GAP))
+    clear = gap[i] < RATIO * np.minimum(rival[i], rival_back[best[i]])
+    return np.stack([i[clear], best[i][clear]], axis=1)
 
 
 def _refused(status: Status, reason: str) -> FeatureMatch:

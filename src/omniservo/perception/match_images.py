@@ -6,15 +6,16 @@ from omniservo.cameras.models import CentralModel
 from omniservo.geometry.arrays import ByteArray
 from omniservo.perception.find_dots import check_image
 from omniservo.perception.find_features import find_features
+from omniservo.perception.guided_matches import guided_matches
 from omniservo.perception.match_features import match_features
-from omniservo.perception.refine_matches import ImageMatch, refine_matches, refused
+from omniservo.perception.refine_matches import ImageMatch, refused
 from omniservo.perception.smear_length import smear_length
 
 
 def match_images(camera: CentralModel, image_initial: ByteArray, image_goal: ByteArray) -> ImageMatch:
     """Find natural features in both images, match them, and lay their patches on each other.
 
-    See `smear_length`, `find_features`, `match_features`, `refine_matches`. Single pairs may still be wrong:
+    See `smear_length`, `find_features`, `match_features`, `guided_matches`. Single pairs may still be wrong:
     about one of a hundred, and `estimate_two_view` finds them.
 
     Args:
@@ -30,4 +31,4 @@ def match_images(camera: CentralModel, image_initial: ByteArray, image_goal: Byt
         if length := smear_length(image):
             return refused("blurred", f"the {name} picture is smeared by motion over {length} px")
     initial, goal = (find_features(image, camera) for image in (image_initial, image_goal))
-    return refine_matches(camera, image_initial, image_goal, initial, goal, match_features(initial, goal))
+    return guided_matches(camera, image_initial, image_goal, initial, goal, match_features(initial, goal))
