@@ -22,6 +22,8 @@ WRONG_INPUT = 2
 """the input or the call is wrong"""
 INTERRUPTED = 130
 """by Ctrl-C"""
+UNREAD = 141
+"""who reads standard output, left, as head does"""
 
 JsonOption = Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")]
 QuietOption = Annotated[bool, typer.Option("--quiet", help="Nothing on standard output.")]
