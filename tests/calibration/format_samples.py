@@ -286,6 +286,24 @@ Extrinsic from "Color"\t  To\t  "Depth" :
    1 0 0
 """
 
+OST_IMAGE = "# oST version 5.0 parameters\n\n\n[image]\n\nwidth\n640\n\nheight\n480\n\n"
+
+
+def ost_camera(name, focal, distortion):
+    matrix = (
+        f"{focal:.6f} 0.000000 320.250000\n0.000000 {focal + 1:.6f} 239.500000\n0.000000 0.000000 1.000000\n"
+    )
+    numbers = " ".join(f"{number:.6f}" for number in distortion)
+    return f"[{name}]\n\ncamera matrix\n{matrix}\ndistortion\n{numbers}\n\nrectification\n{matrix}\n"
+
+
+OST_PAIR = (
+    OST_IMAGE
+    + ost_camera("stereo/left", 9.0, ())
+    + OST_IMAGE
+    + ost_camera("stereo/right", 611.0, BROWN.distortion)
+)
+
 METASHAPE = """<?xml version="1.0" encoding="UTF-8"?>
 <document version="2.0.0">
   <chunk label="Chunk 1" enabled="true">
@@ -343,6 +361,13 @@ SAMPLES = {
     "maplab, a list of sensors": (json.dumps({"sensors": MAPLAB_SENSORS}), {"name": "cam0"}, RADTAN),
     "RealSense, colour": (REALSENSE, {"name": "Color-640x480"}, BROWN),
     "RealSense, fisheye": (REALSENSE, {"name": "Fisheye 1-640x480"}, FISHEYE),
+    "ROS ost.txt": (OST_IMAGE + ost_camera("narrow_stereo", 611.0, RATIONAL.distortion), {}, RATIONAL),
+    "ROS ost.txt of a pair": (OST_PAIR, {"name": "stereo/right"}, BROWN),
+    "ROS ost.txt, the caller says fisheye": (
+        OST_IMAGE + ost_camera("camera", 311.0, FISHEYE.k),
+        {"model": "fisheye"},
+        FISHEYE,
+    ),
     "Metashape, frame": (METASHAPE, {"name": "frame"}, BROWN),
     "Metashape, fisheye": (METASHAPE, {"name": "wide"}, FISHEYE),
     "Metashape, a calibration alone": (METASHAPE_ALONE, {}, FISHEYE),
@@ -371,6 +396,13 @@ SAMPLES = {
     ),
     "DepthAI, perspective": (DEPTHAI, {"name": "0"}, RATIONAL),
     "DepthAI, fisheye": (DEPTHAI, {"name": "2"}, FISHEYE),
+    "ROS plumb_bob with eight numbers": (ros_file("plumb_bob", RATIONAL.distortion), {}, RATIONAL),
+    "ROS rational_polynomial with five": (ros_file("rational_polynomial", BROWN.distortion), {}, BROWN),
+    "ROS equidistant with a zero more": (
+        ros_file("equidistant", (*FISHEYE.k, 0.0)),
+        {},
+        KannalaBrandt(611.0, 612.0, 320.25, 239.5, 640, 480, k=FISHEYE.k),
+    ),
     "ROS fisheye": (
         ros_file("fisheye", FISHEYE.k),
         {},

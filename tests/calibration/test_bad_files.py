@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 import yaml
-from tests.calibration.format_samples import SAMPLES
+from tests.calibration.format_samples import K_DATA, SAMPLES
 
 from omniservo.camera_files import load_model, save_camera
 from omniservo.cameras.models import KannalaBrandt
@@ -139,6 +139,12 @@ CHANGES = [
     ),
     ("ViSP with distortion", ("<px>611.0</px>", "<px>0</px>"), "line 10: root.camera.model.px: 0 given"),
     ("ViSP with distortion", ("</model>", ""), "line 15: not XML: mismatched tag"),
+    ("ROS ost.txt, the caller says fisheye", ("", ""), "say it: --model pinhole or --model fisheye"),
+    ("ROS ost.txt", ("\n480", "\n480 481"), "narrow_stereo.height: [480, 481] given; a list of 1 numbers"),
+    ("ROS ost.txt of a pair", ("[stereo/left]", "[stereo/right]"), "18 numbers given; the 9 of K are needed"),
+    ("ROS fisheye", ("-0.0004]", "-0.0004, 0.0]"), "5 numbers given; 1 x 4 are needed"),
+    ("ROS equidistant with a zero more", ("0.0]", "0.1]"), "5 numbers given; legal: k1 to k4, then zeros"),
+    ("ROS plumb_bob with eight numbers", (K_DATA, "[0, 0, 0, 0, 0, 0, 0, 0, 0]"), "is not calibrated"),
     ("own, another model", ('"k": [0.01,', '"k": ['), "k: "),
     ("own, another model", ('"kannala_brandt"', '"brown"'), "model: 'brown' given; legal: unified"),
 ]

@@ -47,6 +47,24 @@ def calibrated(pictures):
     return calibrate_images(pictures, board_from_text(BOARD))
 
 
+def test_a_copy_of_an_image_makes_the_result_no_surer(pictures, calibrated, tmp_path):
+    copy = tmp_path / "again.png"
+    copy.write_bytes(pictures[1].read_bytes())
+    doubled = calibrate_images([*pictures, copy, pictures[0]], board_from_text(BOARD))
+    assert doubled.camera.to_dict() == calibrated.camera.to_dict()
+    reasons = doubled.not_used()
+    assert reasons[len(pictures)] == f"a copy of {pictures[1]}"
+    assert reasons[len(pictures) + 1] == f"a copy of {pictures[0]}"
+
+
+def test_a_folder_or_a_video_in_the_place_of_images_is_told_what_to_give(tmp_path):
+    with pytest.raises(InputError, match=r"a folder; legal: images, as in .*/\*\.png"):
+        calibrate_images([tmp_path], board_from_text(BOARD))
+    (tmp_path / "take.MP4").write_bytes(bytes(100))
+    with pytest.raises(InputError, match="not an image; .*calibrate takes the images with --camera-source"):
+        calibrate_images([tmp_path / "take.MP4"], board_from_text(BOARD))
+
+
 def test_camera_sees_what_the_true_one_sees(calibrated):
     found, true = calibrated.camera, preset("fe185")
     assert calibrated.calibration.status == "ok"

@@ -335,6 +335,26 @@ def test_blanks_may_stand_between_and_any_name_will_do(tmp_path):
     np.testing.assert_allclose(second.translation, [4, 5, 6])
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "# flange\n# timestamp tx ty tz qx qy qz qw\n1305031098.6659 0.1 0.2 0.3 0 0 0.6 0.8\n",
+        "#timestamp tx ty tz qx qy qz qw\n1305031098.6659 0.1 0.2 0.3 0 0 0.6 0.8\n",
+        "Time,x,y,z,qw,qx,qy,qz,\n1305031098.6659,0.1,0.2,0.3,0.8,0,0,0.6,\n",
+    ],
+)
+def test_times_of_a_trajectory_are_not_used_and_its_header_may_be_a_comment(tmp_path, text):
+    file = tmp_path / "trajectory.txt"
+    file.write_text(text)
+    (pose,) = load_robot_poses(file).base_T_flange
+    np.testing.assert_allclose(pose.translation, [0.1, 0.2, 0.3])
+    np.testing.assert_allclose(pose.rotation.as_quat(), [0, 0, 0.6, 0.8], atol=1e-12)
+    file.write_text(text.replace("0.6", "0.7"))
+    line = 1 + text.splitlines().index(text.splitlines()[-1])
+    with pytest.raises(InputError, match=f"line {line}: quaternion: norm 1.063 given"):
+        load_robot_poses(file)
+
+
 def test_images_sorted_by_letters_are_refused_where_only_their_order_says_whose_the_poses_are(tmp_path):
     file = tmp_path / "poses.csv"
     lines = [f"{k},0,0,0,0,0" for k in range(1, 12)]
@@ -357,6 +377,7 @@ def test_images_sorted_by_letters_are_refused_where_only_their_order_says_whose_
     [
         ("0.1 0.2 0.3 0 0 0\n", "line 1: numbers without a header; write above them what they are: x,y,z"),
         ("0.1, 0.2, 0.3, 0, 0, 0, 1\n", "line 1: numbers without a header"),
+        ("# t x y z\n0.1 0.2 0.3 0 0 0 1\n", "line 1: 't,x,y,z' given; legal: a header of x,y,z"),
         ("", "line 1: '' given; legal: a header of x,y,z with qx,qy,qz,qw or rx,ry,rz"),
         ("x,y,z\n1,2,3\n", "line 1: 'x,y,z' given"),
         ("x,x,y,z,rx,ry,rz\n1,1,2,3,0,0,0\n", "line 1: 'x,x,y,z,rx,ry,rz' given"),

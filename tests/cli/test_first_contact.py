@@ -135,11 +135,17 @@ def test_a_plan_is_written_also_where_nobody_reads_what_is_said(tmp_path):
     written(tmp_path / "problem.json", problem())
     ours, theirs = os.pipe()
     os.close(ours)
-    subprocess.run(
-        [*COMMAND, "plan", "problem.json", "--out", "p.json"], cwd=tmp_path, stdout=theirs, check=False
+    ended = subprocess.run(
+        [*COMMAND, "plan", "problem.json", "--out", "p.json"],
+        cwd=tmp_path,
+        stdout=theirs,
+        stderr=subprocess.PIPE,
+        check=False,
     )
     os.close(theirs)
     assert (tmp_path / "p.json").is_file()
+    assert ended.returncode == 141  # not 1, which is the answer no
+    assert b"Traceback" not in ended.stderr
 
 
 def test_a_command_that_compiles_says_so_while_it_does(tmp_path):

@@ -223,6 +223,33 @@ def test_mjcf_includes_inside_the_folder_are_read(tmp_path):
     np.testing.assert_allclose(arm.joint_speed, np.deg2rad([90] * 6))
 
 
+def test_mjcf_scenes_beside_the_arm_s_folder_include_it(tmp_path):
+    (tmp_path / "arm").mkdir()
+    (tmp_path / "arm" / "arm.xml").write_text(mjcf())
+    (tmp_path / "scenes").mkdir()
+    scene = '<mujoco><include file="../arm/arm.xml"/></mujoco>'
+    assert read(tmp_path / "scenes", scene, "scene.xml").dof == 6
+
+
+def test_an_arm_without_shapes_says_that_it_touches_nothing(tmp_path):
+    bare = re.sub(r"<(visual|collision)>.*?</\1>", "", urdf(), flags=re.DOTALL)
+    said = "no link has a shape: nothing of the arm can be touched"
+    assert any(said in notice for notice in read(tmp_path, bare).notices)
+    assert not any(said in notice for notice in read(tmp_path, urdf()).notices)
+
+
+def test_a_spring_that_follows_a_joint_of_the_arm_is_refused_with_the_way_on(tmp_path):
+    spring = (
+        '<link name="spring"/><joint name="spring" type="revolute"><parent link="pan_link"/>'
+        '<child link="spring"/><limit lower="-1" upper="1" velocity="1" effort="1"/>'
+        '<mimic joint="lift"/></joint>'
+    )
+    with pytest.raises(
+        InputError, match="joint 'spring': .* follows 'lift', .* may be deleted from the file"
+    ):
+        read(tmp_path, urdf(extra=spring), flange="tool0")
+
+
 def test_mjcf_meshes_lie_in_its_mesh_folder_and_what_is_no_arm_is_left_out(tmp_path):
     with_ball(tmp_path / "assets" / "ball.stl")
     extra = (
@@ -403,14 +430,14 @@ BAD_MJCF = {
         "joint 'joint 6': moves beside joint 'joint 1'; legal: one joint after the other, or a flange",
     ),
     "include outside": (
-        mjcf(extra='<include file="../other.xml"/>'),
+        mjcf(extra='<include file="../../other.xml"/>'),
         "'../other.xml' given; legal: a relative",
     ),
     "include absolute": (
         mjcf(extra='<include file="/etc/passwd"/>'),
         "'/etc/passwd' given; legal: a relative",
     ),
-    "include lost": (mjcf(extra='<include file="gone.xml"/>'), "gone.xml: no such file"),
+    "include lost": (mjcf(extra='<include file="gone.xml"/>'), "'gone.xml': no such file in"),
     "include itself": (mjcf(extra='<include file="arm.xml"/>'), "'arm.xml' is included twice"),
     "mesh outside": (
         mjcf(extra='<compiler meshdir="/etc"/><asset><mesh file="m.stl"/></asset>'),

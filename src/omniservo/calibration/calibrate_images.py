@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -15,7 +16,8 @@ from omniservo.calibration.boards import Board, BoardView, CircleGrid, find_boar
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError, NoSolutionError
 from omniservo.field_docs import with_field_docs
-from omniservo.files.image_files import image_size, read_grey_image
+from omniservo.files import read_bytes
+from omniservo.files.image_files import MOST_BYTES, image_size, read_grey_image
 
 MOST_IMAGES = 2000
 
@@ -68,7 +70,8 @@ def calibrate_images(
     """Return the camera that took these images of a board.
 
     Circles, whose centres a first camera corrects, and images in which nothing was found are checked once
-    more with that camera.
+    more with that camera. A file that is the copy of an earlier one is not used: it says nothing more, and
+    counted twice it would make the result look surer than it is.
 
     Args:
         images: files, all of one size.
@@ -128,13 +131,24 @@ def _look(
     progress: Progress,
 ) -> list[BoardView]:
     views = []
+    copied = _copied(paths)
     for i, path in enumerate(paths):
         progress(f"looking for the board: {i + 1} of {len(paths)}", i / len(paths))
-        if known and known[i].found and not isinstance(board, CircleGrid):
+        if i in copied:
+            views.append(BoardView.nothing(f"a copy of {copied[i]}"))
+        elif known and known[i].found and not isinstance(board, CircleGrid):
             views.append(known[i])
         else:
             views.append(find_board(read_grey_image(path), board, camera))
     return views
+
+
+def _copied(paths: Sequence[Path]) -> dict[int, Path]:
+    """Return the places of files that are copies of earlier ones, and of which."""
+    first: dict[bytes, int] = {}
+    digests = [hashlib.blake2b(read_bytes(path, max_bytes=MOST_BYTES)).digest() for path in paths]
+    earliest = [first.setdefault(digest, i) for i, digest in enumerate(digests)]
+    return {i: paths[k] for i, k in enumerate(earliest) if k != i}
 
 
 def _calibrated(

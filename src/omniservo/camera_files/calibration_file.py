@@ -178,6 +178,20 @@ class CalibrationFile:
             raise self.error(f"the file's camera has {width}x{height} pixels; {given} was asked for", *path)
         return {"width": width, "height": height}
 
+    def stated_fisheye(self, *path: str | int) -> bool:
+        """Return whether the caller states that four numbers of distortion, at ``path``, are a fisheye's.
+
+        Raises:
+            InputError: the caller states nothing.
+        """
+        if self.model is None:
+            raise self.error(
+                "four numbers may be a pinhole's k1 k2 p1 p2 or a fisheye's k1 k2 k3 k4, and the file does"
+                " not say which; say it: --model pinhole or --model fisheye",
+                *path,
+            )
+        return self.model == "fisheye"
+
     def build(self, make: Callable[..., _Model], *path: str | int, **parameters: Any) -> _Model:
         """Return the model with these parameters and the lens that stands at ``path`` in this file.
 

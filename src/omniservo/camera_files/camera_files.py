@@ -22,6 +22,7 @@ from omniservo.camera_files.formats import (
     ocamcalib,
     opencv,
     orb_slam,
+    ost,
     own,
     realsense,
     ros,
@@ -74,6 +75,7 @@ _READERS: tuple[_Reader, ...] = (
     camodocal,
     basalt,
     ros,
+    ost,
     ocamcalib,
     svo,
     boofcv,
@@ -125,7 +127,7 @@ def load_model(
         path: a file of at most 1 MB. Nothing in it is executed or followed.
         name: which camera of a file with several ("cam1"); a file with one needs none.
         size: (width, height) of the image [px]: needed where the file does not say it, else compared.
-        model: "pinhole" or "fisheye", for an OpenCV file whose four numbers may be either's.
+        model: "pinhole" or "fisheye", for a file of OpenCV or ost.txt whose four numbers may be either's.
         max_angle: how far from the axis the lens sees [rad], where the file says more or nothing.
 
     Raises:
@@ -155,7 +157,7 @@ def read_model(
             " nerfstudio, Metashape, RealSense, DepthAI, WoodScape. Write any other as OpenCV has it:"
             ' {"K": [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], "D": […], "image_size": [width, height]}'
         )
-    if model is not None and reader is not opencv:
+    if model is not None and reader not in (opencv, ost):
         raise InputError(f"model: {spelled(model)} given, but {path} says its model itself")
     names = reader.names(file)
     if name is None and len(names) != 1:

@@ -24,7 +24,12 @@ STREAMS = "streams of a RealSense camera"
 _LONGEST_SEARCHED = 2**18
 """characters; in a longer file the line of a field is not looked for, which would take seconds"""
 
+OST = "cameras of camera_calibration"
+"""the field under which the cameras of ROS's ``ost.txt`` are kept"""
+
 _STREAM = re.compile(r'^ *Intrinsic of "([^"\n]+)" +/? *(\d+x\d+)', flags=re.MULTILINE)
+
+_OST = re.compile(r"^\[image\]\s+width\s", flags=re.MULTILINE)
 
 _TABLE_ROW = re.compile(r"[-+.\d][^:{}\[\],]*")
 
@@ -32,7 +37,8 @@ _TABLE_ROW = re.compile(r"[-+.\d][^:{}\[\],]*")
 def parse_fields(text: str, source: str) -> tuple[Mapping[str, Any], Callable[[FieldPath], int]]:
     """Return the fields of XML, of a table of numbers, of JSON or of YAML, also as OpenCV writes them.
 
-    What ``rs-enumerate-devices -c`` prints is ``{STREAMS: {"Color-640x480": {"Width": …}}}``.
+    What ``rs-enumerate-devices -c`` prints is ``{STREAMS: {"Color-640x480": {"Width": …}}}``, and what ROS's
+    camera_calibration saves as ost.txt ``{OST: {"narrow_stereo": {"width": […], "camera matrix": […], …}}}``.
 
     A table's rows are ``{"rows": [[…], …]}``: what stands between blanks. Of its comments one is read,
     ``# omniservo_lens: {…}`` in JSON, as a field.
@@ -48,6 +54,8 @@ def parse_fields(text: str, source: str) -> tuple[Mapping[str, Any], Callable[[F
         return fields, lambda path: lines.get(path, 0)
     if _STREAM.search(text):
         return {STREAMS: _streams(text)}, lambda _: 0
+    if _OST.search(text):
+        return {OST: _ost_cameras(text)}, lambda _: 0
     rows = _rows(text)
     if rows is not None:
         numbers = [number for number, _ in rows]
@@ -81,6 +89,23 @@ def _streams(text: str) -> dict[str, dict[str, Any]]:
             worded = len(words) == 0 or any(isinstance(word, str) for word in words)
             fields[name] = said.strip() if worded else words if name == "Coeffs" else words[0]
     return streams
+
+
+def _ost_cameras(text: str) -> dict[str, dict[str, list[Any]]]:
+    """Return the values of each camera by its name: a section [image], then one that has its name."""
+    cameras: dict[str, dict[str, list[Any]]] = {}
+    image: dict[str, list[Any]] = {}
+    fields: dict[str, list[Any]] = image
+    values: list[Any] = []
+    for line in (line.strip() for line in text.splitlines()):
+        if line.startswith("[") and line.endswith("]"):
+            image = {} if line == "[image]" else image
+            fields = image if line == "[image]" else cameras.setdefault(line[1:-1], dict(image))
+        elif _TABLE_ROW.fullmatch(line):
+            values.extend(number_or_word(word) for word in line.split())
+        elif line:
+            values = fields.setdefault(line, [])
+    return cameras
 
 
 def _rows(text: str) -> list[tuple[int, list[Any]]] | None:

@@ -53,7 +53,8 @@ class CameraFile:
     model: Annotated[
         str | None,
         typer.Option(
-            "--model", help="pinhole or fisheye, for an OpenCV file whose four numbers may be either's."
+            "--model",
+            help="pinhole or fisheye, for a file of OpenCV, or ost.txt, whose four numbers may be either's.",
         ),
     ] = None
 

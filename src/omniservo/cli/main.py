@@ -35,7 +35,7 @@ from omniservo.cli import (
     warm_up,
 )
 from omniservo.cli.first_steps import first_steps
-from omniservo.cli.output import ANSWER_IS_NO, INTERRUPTED, WRONG_INPUT
+from omniservo.cli.output import ANSWER_IS_NO, INTERRUPTED, UNREAD, WRONG_INPUT
 from omniservo.cli.progress import DOING
 from omniservo.errors import TERMINATED, AlreadyExists, InputError, NoSolutionError, ServoStop
 
@@ -113,6 +113,8 @@ def main(arguments: list[str] | None = None) -> None:
     except KeyboardInterrupt:
         _end(INTERRUPTED, DOING.ended("interrupted"))
     except SystemExit as end:
+        if isinstance(end.__context__, BrokenPipeError):  # which typer ends with the code of a no
+            sys.exit(UNREAD)
         if end.code == INTERRUPTED:  # what typer makes of Ctrl-C
             _end(INTERRUPTED, DOING.ended("interrupted"))
         if end.code == TERMINATED:

@@ -23,6 +23,8 @@ WRONG_INPUT = 2
 """the input or the call is wrong"""
 INTERRUPTED = 130
 """by Ctrl-C"""
+UNREAD = 141
+"""who reads standard output, left, as head does"""
 
 ForceOption = Annotated[bool, typer.Option("--force", help="Replace an existing file or folder.")]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of everything random.")]

@@ -26,6 +26,8 @@ MOST_BYTES = 2**29
 FORMATS = ("PNG", "JPEG", "TIFF", "BMP", "PPM", "WEBP", "GIF")
 """Formats of images that are read; others may start programs, as EPS does."""
 
+_VIDEOS = (".mp4", ".mov", ".avi", ".mkv", ".webm", ".m4v")
+
 
 def read_image(path: str | Path) -> ByteArray:
     """Return an image file's pixels as they are stored: grey (height, width) or colours (height, width, 3).
@@ -75,6 +77,8 @@ def write_png(image: npt.NDArray[np.uint8], path: str | Path, *, force: bool = F
 
 @contextmanager
 def _opened(path: str | Path) -> Iterator[Any]:
+    if Path(path).is_dir():
+        raise InputError(f"{path}: a folder; legal: images, as in {path}/*.png")
     data = read_bytes(path, max_bytes=MOST_BYTES)
     try:
         with (
@@ -88,7 +92,9 @@ def _opened(path: str | Path) -> Iterator[Any]:
     except InputError:
         raise
     except UnidentifiedImageError:
-        raise InputError(f"{path}: not an image; legal: {', '.join(FORMATS)}") from None
+        video = Path(path).suffix.lower() in _VIDEOS
+        more = "; of a video calibrate takes the images with --camera-source" if video else ""
+        raise InputError(f"{path}: not an image; legal: {', '.join(FORMATS)}{more}") from None
     except Exception as error:  # the readers of formats raise whatever they meet
         raise InputError(f"{path}: not an image that can be read: {spelled(str(error))}") from None
 

@@ -67,6 +67,7 @@ def _viewpoint(arm: Arm, world: World, data: Any) -> tuple[Viewpoint, float]:
     boxes, turns = model.geom_aabb[shown], data.geom_xmat[shown].reshape(-1, 3, 3)
     corners = boxes[:, None, :3] + _CORNERS * boxes[:, None, 3:]
     corners = (data.geom_xpos[shown, None] + corners @ turns.transpose(0, 2, 1)).reshape(-1, 3)
+    corners = np.vstack([corners, data.xanchor])  # an arm may have no shapes
     size = float(np.linalg.norm(np.ptp(corners, axis=0)))
     corners = np.vstack([corners, _flange_axes(arm, data.qpos, _AXIS * size)])
     ahead = arm.base_T_flange(data.qpos).translation[:2]

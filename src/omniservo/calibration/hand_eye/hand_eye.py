@@ -179,7 +179,11 @@ def load_hand_eye(path: str | Path) -> tuple[RigidTransform, FloatArray]:
     fields = read_document(path)
     if not isinstance(fields, dict) or fields.get("format") != FORMAT:
         given = spelled(fields.get("format")) if isinstance(fields, dict) else spelled(fields)
-        raise InputError(f"{path}: format: {given} given; legal: {FORMAT!r}")
+        raise InputError(
+            f"{path}: format: {given} given; legal: {FORMAT!r}; a task takes another program's result as"
+            " numbers, flange_T_camera: {translation: [x, y, z], quaternion: [x, y, z, w]}, of the camera's"
+            " optical frame (z ahead, x right, y down)"
+        )
     mount = next((name for name in ("flange_T_camera", "tool_T_camera") if name in fields), "flange_T_camera")
     for name in (mount, "covariance"):
         if name not in fields:

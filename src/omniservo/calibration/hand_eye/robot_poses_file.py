@@ -26,6 +26,9 @@ FORMAT = "omniservo.robot_poses/1"
 _MAX_BYTES = 2**20
 _VISP_LISTS = ("fPe", "rPe")
 _PLACE, _QUATERNION, _VECTOR = ("x", "y", "z"), ("qx", "qy", "qz", "qw"), ("rx", "ry", "rz")
+_TUM_PLACE = dict(zip(("tx", "ty", "tz"), _PLACE, strict=True))
+_UNUSED = ("", "timestamp", "time", "stamp")
+"""columns of a table that say nothing of a pose"""
 _FARTHEST = 30.0
 """[m] of a flange from its base, which may be a hall's corner"""
 _MOST_TURN = 3.0 * math.pi
@@ -111,14 +114,18 @@ def load_robot_poses(path: str | Path) -> RobotPoses:
     fields = parse_document(text, source)
     if not isinstance(fields, dict):
         raise InputError(
-            f"{source}: {spelled(fields)} found; a mapping with format and base_T_flange is needed"
+            f"{source}: {spelled(fields)} found; a mapping with format and base_T_flange is needed,"
+            " or a table with a header: docs/hand-eye.md"
         )
     for name in _VISP_LISTS:
         if "format" not in fields and isinstance(fields.get(name), list):
             poses = [_R_and_t(value, f"{source}: {name}[{i}]") for i, value in enumerate(fields[name])]
             return RobotPoses(source, tuple(poses))
     if fields.get("format") != FORMAT:
-        raise InputError(f"{source}: format: {spelled(fields.get('format'))} given; legal: {FORMAT!r}")
+        raise InputError(
+            f"{source}: format: {spelled(fields.get('format'))} given; legal: {FORMAT!r};"
+            " how poses of other programs are written in it: docs/hand-eye.md"
+        )
     return _own(fields, source)
 
 
@@ -159,9 +166,23 @@ def _listed(entries: list[Any], places: list[str], units: dict[str, float], sour
 
 def _is_row(text: str) -> bool:
     """Return whether a text begins as a table: with six numbers and more, or with the names of columns."""
-    first = next((line for line in text.splitlines() if line.strip()), "")
-    cells = re.split(r"[,\s]+", first.strip().lower())
+    first = next((line for line in _from_header(text) if line.strip()), "")
+    cells = _columns(re.split(r"[,\s]+", first.lstrip("# ").strip()))
     return set(_PLACE) <= set(cells) or (len(cells) >= 6 and all(_is_number(cell) for cell in cells if cell))
+
+
+def _from_header(text: str) -> list[str]:
+    """Return a table's lines from its header on: of comments that begin with # the last one may be it."""
+    lines = text.splitlines()
+    while len(lines) > 1 and lines[0].startswith("#") and lines[1].startswith("#"):
+        lines = lines[1:]
+    return lines
+
+
+def _columns(names: Sequence[str]) -> list[str]:
+    """Return columns' names as ours: of TUM's "# timestamp tx ty tz qx qy qz qw" the places are x, y, z."""
+    plain = [name.strip(" #\t").lower() for name in names]
+    return [_TUM_PLACE.get(name, name) for name in plain]
 
 
 def _is_number(cell: str) -> bool:
@@ -175,24 +196,26 @@ def _is_number(cell: str) -> bool:
 def _table(text: str, source: str) -> RobotPoses:
     """A header, then a line a pose: x, y, z [m]; qx, qy, qz, qw or rx, ry, rz [rad]; image, if there.
 
-    Commas stand between, or blanks where the header has none.
+    Commas stand between, or blanks where the header has none. A time is not used.
     """
-    lines = text.splitlines()
+    lines = _from_header(text)
+    before = len(text.splitlines()) - len(lines)
     if lines and "," not in lines[0]:
-        lines = [",".join(line.split()) for line in lines]
+        lines = [",".join(line.lstrip("# ").split()) for line in lines]
     reader = csv.reader(lines)
-    header = [name.strip().lower() for name in next(reader, [])]
-    columns = set(header) - {"image"}
+    header = _columns(next(reader, []))
+    columns = set(header) - {"image", *_UNUSED}
     rotation = next((names for names in (_QUATERNION, _VECTOR) if columns == {*_PLACE, *names}), None)
     if header and all(_is_number(cell) for cell in header):
         raise InputError(
             f"{source}: line 1: numbers without a header; write above them what they are: "
-            "x,y,z,qx,qy,qz,qw or x,y,z,rx,ry,rz (a rotation vector, not roll, pitch and yaw) [m, rad]"
+            "x,y,z,qx,qy,qz,qw or x,y,z,rx,ry,rz (a rotation vector, not roll, pitch and yaw) [m, rad], after"
+            " timestamp if the first of them is one"
         )
     if rotation is None or len(set(header)) < len(header):
         raise InputError(
             f"{source}: line 1: {spelled(','.join(header))} given; legal: a header of x,y,z with "
-            "qx,qy,qz,qw or rx,ry,rz [m, rad], and image if the lines name theirs"
+            "qx,qy,qz,qw or rx,ry,rz [m, rad], and image if the lines name theirs; timestamp is not used"
         )
     name = "quaternion" if rotation is _QUATERNION else "rotation_vector"
     entries: list[Any] = []
@@ -200,7 +223,7 @@ def _table(text: str, source: str) -> RobotPoses:
     for row in reader:
         if not row:
             continue
-        place = f"{source}: line {reader.line_num}"
+        place = f"{source}: line {before + reader.line_num}"
         if len(row) != len(header):
             raise InputError(f"{place}: {len(row)} entries; the header has {len(header)}")
         cells = dict(zip(header, (cell.strip() for cell in row), strict=True))

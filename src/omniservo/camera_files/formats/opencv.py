@@ -161,16 +161,11 @@ def _is_fisheye(
     told = _told(held)
     if told is None and count != 4 and file.model is None:
         return False
-    if told is None and file.model is None:
-        raise file.error(
-            "four numbers may be a pinhole's k1 k2 p1 p2 or a fisheye's k1 k2 k3 k4, and the file does not"
-            " say which; say it: --model pinhole or --model fisheye",
-            *root,
-            place,
-        )
-    if told is not None and file.model not in (None, told):
+    if told is None:
+        return file.stated_fisheye(*root, place)
+    if file.model not in (None, told):
         raise InputError(f"{file.source}: the file says {told}; {file.model} was asked for")
-    return (file.model or told) == "fisheye"
+    return told == "fisheye"
 
 
 def _told(held: Mapping[str, Any]) -> str | None:

@@ -6,10 +6,11 @@
 | distortion | distortion_coefficients {rows, cols, data} | D, d |
 | size | image_width, image_height | width, height |
 
-``distortion_model``: plumb_bob (k1, k2, p1, p2, k3), rational_polynomial (OpenCV's 8, 12 or 14), equidistant,
-which some call fisheye (Kannala–Brandt, k1…k4); none or no numbers: no distortion. (0, 0) is a pixel's
-centre. K and D describe the image as the camera gives it, and that is what is read; R and P describe the
-rectified one and are left alone.
+``distortion_model``: plumb_bob (k1, k2, p1, p2, k3) and rational_polynomial (8, 12 or 14 numbers), both taken
+as OpenCV's, in any number of them, as ROS's image_geometry does; equidistant, which some call fisheye
+(Kannala–Brandt, k1…k4, then zeros if any); none or no numbers: no distortion. (0, 0) is a pixel's centre. K
+and D describe the image as the camera gives it, and that is what is read; R and P describe the rectified one
+and are left alone.
 Source: the comments of sensor_msgs/CameraInfo. An image that is binned or a part of the sensor is refused:
 K is the whole sensor's then, and drivers differ on where a binned pixel's centre is.
 """
@@ -26,11 +27,12 @@ from omniservo.errors import InputError
 
 KINDS: tuple[type, ...] = (KannalaBrandt, Pinhole)
 
+_OPENCV = (0, 4, 5, 8, 12, 14)
 _COUNTS = {
-    "plumb_bob": (0, 4, 5),
-    "rational_polynomial": (0, 8, 12, 14),
-    "equidistant": (4,),
-    "fisheye": (4,),
+    "plumb_bob": _OPENCV,
+    "rational_polynomial": _OPENCV,
+    "equidistant": (4, 5, 8),  # drivers fill up with zeros
+    "fisheye": (4, 5, 8),
     "none": (0,),
     "": (0,),
 }
@@ -57,14 +59,19 @@ def read(file: CalibrationFile, name: str) -> CentralModel:
     """
     kind = file.word(_COUNTS, "distortion_model")
     _refuse_part_of_sensor(file)
-    given: dict[str, Any] = file.intrinsics(_first(file, _K))
+    place = _first(file, _K)
+    if not any(file.matrix(place)):
+        raise file.error("all are 0, with which ROS says that the camera is not calibrated", place)
+    given: dict[str, Any] = file.intrinsics(place)
     sides = [_first(file, _WIDTH), _first(file, _HEIGHT)]
     given |= file.image_size(tuple(file.number(side, minimum=1.0) for side in sides), sides[0])
     held = any(name in file.fields for name in _D)
     place = _first(file, _D) if held or kind in _FISHEYE else ""
     coefficients = file.coefficients(place, legal=_COUNTS[kind]) if place else ()
     if kind in _FISHEYE:
-        return file.build(KannalaBrandt, **given, k=coefficients)
+        if any(coefficients[4:]):
+            raise file.error(f"{len(coefficients)} numbers given; legal: k1 to k4, then zeros", place)
+        return file.build(KannalaBrandt, **given, k=coefficients[:4])
     return file.build(Pinhole, **given, distortion=coefficients)
 
 

@@ -67,7 +67,8 @@ def arm_row(
         if number not in row and joint.follows in {joints[i].name for i in row}:
             raise InputError(
                 f"{joint.place}: a <mimic> joint follows {spelled(joint.follows)}, a joint of the arm, so "
-                "its link cannot be held still; legal: a mimic of a gripper's joint"
+                "its link cannot be held still; legal: a mimic of a gripper's joint. A piston or spring may "
+                "be deleted from the file: the arm is the same, but does not keep clear with it"
             )
     return row
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from omniservo.errors import InputError, spelled
-from omniservo.files import file_inside, read_text
+from omniservo.files import read_text
 from omniservo.files.xml_files import XmlElement, parse_elements
+from omniservo.robots.arm_files.mesh_assets import file_near
 from omniservo.robots.arm_files.xml_fields import XmlFields
 
 MOST_BYTES = 4 * 2**20
@@ -20,7 +21,8 @@ def expand_includes(root: XmlElement, file: Path) -> None:
 
     Args:
         root: the file's element <mujoco>; it is changed.
-        file: where it lies; includes are looked for from there, inside its folder.
+        file: where it lies; includes are looked for from there, inside its folder or, by ``../``, the one
+            above.
 
     Raises:
         InputError: a file that cannot be had, one twice, or more than 16.
@@ -43,7 +45,7 @@ def _expand(element: XmlElement, fields: XmlFields, file: Path, included: set[Pa
 
 def _include(include: XmlElement, fields: XmlFields, file: Path, included: set[Path]) -> XmlElement:
     place, reference = fields.place(include), fields.text(include, "file")
-    path = file_inside(f"{place}: file", reference, file.resolve().parent)
+    path = file_near(f"{place}: file", reference, file.resolve().parent)
     if path in included:
         raise InputError(f"{place}: {spelled(reference)} is included twice; once is legal")
     included.add(path)

@@ -152,6 +152,8 @@ def _made_ready(spec: Any, description: Description, file: Path, flange: str | N
         raise InputError(f"{file}: {len(acceleration)} joint accelerations; the arm has {model.njnt} joints")
     for body in spec.bodies:
         body.gravcomp = 1.0
+    if not model.ngeom:
+        notices.append("no link has a shape: nothing of the arm can be touched, and no contact of it is seen")
     notices += choose_contacts(spec, model)
     if not has_drives(model):
         add_drives(spec, model)
