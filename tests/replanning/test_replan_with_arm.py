@@ -31,8 +31,8 @@ from omniservo.verification import verify_plan
 from omniservo.whole_arm import plan_with_arm
 from omniservo.whole_arm.arm_descent import LEAP
 from omniservo.whole_arm.arm_equations import lead_onto
+from omniservo.whole_arm.arm_planner import NEAR, ArmPlanner
 from omniservo.whole_arm.part_of_joints import part_of_joints
-from omniservo.whole_arm.plan_with_arm import NEAR, ArmPlanner
 
 
 def moved(problem, random, size):

@@ -10,10 +10,12 @@ from tests.whole_arm.arm_scenes import FLANGE_T_CAMERA, random_task
 
 from omniservo import cameras
 from omniservo.planning import PlanningProblem
+from omniservo.planning.time_budget import TimeBudget
 from omniservo.replanning import replan_with_arm
 from omniservo.risk import plan_links_at_risk
 from omniservo.robots import CAMERA_HOUSING, MountedCamera, Solid, load_arm, own_sight, shipped_tube
 from omniservo.whole_arm import ArmSetting, plan_with_arm
+from omniservo.whole_arm.arm_planner import ArmPlanner
 from omniservo.whole_arm.judged_branch import judged_branch
 
 
@@ -32,9 +34,10 @@ def camera_of(setting):
 
 @pytest.fixture(scope="module")
 def hidden():
-    """A task whose first plan leads a link through a line of sight, and that plan."""
+    """A task in which the first path that the arm can follow leads a link through a line of sight."""
     problem, setting = task("ur5e", 13)
-    found = plan_with_arm(problem, setting)
+    bodies = setting.bodies(problem.obstacles)
+    found = ArmPlanner(problem, setting, bodies, 0, TimeBudget(None)).plan()
     assert found.certified
     assert sight_of(problem, setting, found.branch).status == "hidden"
     return problem, setting, found

@@ -8,11 +8,25 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from tests.whole_arm.arm_scenes import led_tasks, random_task
 
 from omniservo.errors import InputError
-from omniservo.planning import Box, Capsule, Cylinder, Ellipsoid, HalfSpace, Mesh, Sphere, plan_path
+from omniservo.planning import (
+    Box,
+    Capsule,
+    Cylinder,
+    Degrees,
+    Ellipsoid,
+    HalfSpace,
+    Mesh,
+    Sphere,
+    plan_path,
+)
+from omniservo.planning.time_budget import TimeBudget
 from omniservo.robots import ArmBodies, Solid, follow_path, load_arm, shipped_arms
 from omniservo.robots.arm import SINGULAR_VALUE
+from omniservo.verification import verify_plan
 from omniservo.whole_arm import plan_with_arm
+from omniservo.whole_arm.arm_planner import ArmPlanner
 from omniservo.whole_arm.joint_demands import JointDemands
+from omniservo.whole_arm.plan_with_arm import DEGREE, REGULAR
 from omniservo.whole_arm.solids_of import solids_of
 
 
@@ -215,9 +229,31 @@ def test_the_same_seed_gives_the_same_plan():
         np.testing.assert_array_equal(first.plan.path.rotation, second.plan.path.rotation)
 
 
+def bent_task():
+    """A task in which the arm refuses the first path of the problem's degrees."""
+    return random_task(load_arm("panda"), np.random.default_rng([2026, 167]))
+
+
+def planner_of(problem, setting):
+    """The search among paths of the problem's degrees alone."""
+    return ArmPlanner(problem, setting, setting.bodies(problem.obstacles), 0, TimeBudget(None))
+
+
+def test_higher_degrees_solve_what_the_problems_do_not_and_the_plan_states_them():
+    problem, setting = bent_task()
+    assert planner_of(problem, setting).plan(attempts=1).plan.status == "not_found"
+    found = plan_with_arm(problem, setting, attempts=1)
+    assert found.attempts > 1
+    assert found.plan.path.degrees == (DEGREE, DEGREE)
+    assert found.plan.problem.degrees == Degrees(DEGREE, DEGREE)
+    assert replace(found.plan.problem, degrees=problem.degrees).to_dict() == problem.to_dict()
+    assert verify_plan(found.plan.to_dict()).status == "certified"
+    assert_kept(problem, setting, found)
+
+
 def test_more_starts_solve_what_the_first_do_not():
-    problem, setting = random_task(load_arm("panda"), np.random.default_rng([2026, 167]))
-    few, more = plan_with_arm(problem, setting, attempts=1), plan_with_arm(problem, setting, attempts=8)
+    problem, setting = bent_task()
+    few, more = (planner_of(problem, setting).plan(attempts=attempts) for attempts in (1, 8))
     assert (few.plan.status, few.attempts) == ("not_found", 1)
     assert "none of 1 camera paths" in few.plan.reason
     assert more.certified
@@ -336,17 +372,20 @@ def test_what_cannot_be_judged_for_the_whole_arm_is_refused():
 def test_an_arm_keeps_as_far_from_singular_postures_as_is_asked(seed):
     arm = load_arm("rx60")
     problem, setting = random_task(arm, np.random.default_rng([515, seed]))
-    wide = replace(setting, singular_value=0.1)
+    wide = replace(setting, singular_value=REGULAR)
 
     def least(found):
         postures = found.branch(np.linspace(0.0, 1.0, 401))
         jacobians = [arm.scaled_camera_jacobian(q, setting.flange_T_camera) for q in postures]
         return np.linalg.svd(jacobians, compute_uv=False)[:, -1].min()
 
-    assert least(plan_with_arm(problem, setting)) < 0.07
-    found = plan_with_arm(problem, wide)
-    assert found.certified, found.plan.reason
-    assert least(found) > 0.1 - 2e-3
+    first = planner_of(problem, setting).plan()
+    assert first.certified
+    assert least(first) < 0.07
+    for found in (plan_with_arm(problem, wide), plan_with_arm(problem, setting)):  # asked, or of itself
+        assert found.certified, found.plan.reason
+        assert least(found) > 0.95 * REGULAR - 2e-3
+        assert verify_plan(found.plan.to_dict()).status == "certified"
 
 
 def test_a_start_that_is_more_singular_than_asked_is_named():

@@ -27,8 +27,8 @@ from omniservo.robots import Arm, ArmBodies, JointPath
 from omniservo.robots.path_following.step_kernels import settle
 from omniservo.whole_arm.arm_ends import violation_at_goal, violation_at_start
 from omniservo.whole_arm.arm_plan import ArmPlan
+from omniservo.whole_arm.arm_planner import NEAR, ArmPlanner
 from omniservo.whole_arm.arm_setting import ArmSetting
-from omniservo.whole_arm.plan_with_arm import NEAR, ArmPlanner
 
 ROOMS = (0.015, 0.03, 0.05, 0.08)
 """[m] more than is required from camera centre to obstacles: so bent a path is found in a fraction of the

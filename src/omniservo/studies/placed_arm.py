@@ -172,5 +172,5 @@ def _stands(placed: PlacedArm, problem: PlanningProblem, clearance: float) -> bo
         arm.inverse(flange)
     except InputError:
         return False
-    bodies = setting.bodies(problem.obstacles)
-    return not (violation_at_start(problem, setting, bodies) or violation_at_goal(problem, setting, bodies))
+    bodies, anywhere = setting.bodies(problem.obstacles), replace(setting, start=None)
+    return not (violation_at_start(problem, setting, bodies) or violation_at_goal(problem, anywhere, bodies))

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.planning import CameraPath, Sphere
-from omniservo.robots import Arm, JointPath
+from omniservo.robots import JointPath
 from omniservo.safety.closed_loop import Posture
 from omniservo.servoing import PathLimits
 from omniservo.studies.study import Study
@@ -14,6 +15,10 @@ from omniservo.studies.study_plan import StudyPlan, joint_limits
 from omniservo.studies.study_scene import StudyScene
 from omniservo.tracking import FollowingArm, PathTracker, Replanner, ReplanOptions
 from omniservo.tracking.replanning import Replanning
+
+_LATER = 0.5
+"""times the room that links keep by the first plan is what they keep later, where no way on leaves more: an
+estimate that moves takes some of it, most of all where the arm ends"""
 
 
 class ReplannedTracker:
@@ -66,10 +71,11 @@ class ReplannedTracker:
 def _following_arm(found: StudyPlan) -> FollowingArm | None:
     if found.setting is None or found.joints is None:
         return None
-    arm: Arm = found.setting.arm
+    setting, arm = found.setting, found.setting.arm
+    clearance = None if setting.clearance is None else _LATER * setting.clearance
 
     def limits(path: CameraPath, joints: JointPath) -> PathLimits:
         del path
         return joint_limits(arm, joints)
 
-    return FollowingArm(found.setting, found.joints, limits)
+    return FollowingArm(setting, found.joints, limits, required=replace(setting, clearance=clearance))

@@ -23,3 +23,5 @@ class FollowingArm:
     """that follow the plan"""
     limits: Callable[[CameraPath, JointPath], PathLimits] | None
     """what a time law has to keep on another path, stated in the plan's frame; None: laws are carried on"""
+    required: ArmSetting | None = None
+    """what it has to keep where no way on is proven that keeps all of ``setting``; None: all of it"""

@@ -29,6 +29,7 @@ from omniservo.tracking.leg import Leg
 from omniservo.tracking.path_tracker import PathTracker
 from omniservo.tracking.replan_options import ReplanOptions
 from omniservo.tracking.replanning import Replanning
+from omniservo.whole_arm import ArmSetting
 from omniservo.whole_arm.part_of_joints import part_of_joints
 
 LEAST_REST = 1e-3
@@ -72,6 +73,8 @@ class _Known:
     problem: PlanningProblem
     constraints: Constraints
     """of a camera path"""
+    setting: ArmSetting | None
+    """what the arm has to keep; None: no arm"""
     bodies: ArmBodies | None
     """the arm among the obstacles; None: no arm"""
 
@@ -210,7 +213,7 @@ class Replanner:
         if cause is None:
             return None
         begin = perf_counter()
-        event = self._answer(time, cause, problem, begin)
+        event = self._answer(time, cause, self._known(problem), begin)
         if event.outcome == "blocked" and self._required is not None:
             event = self._answer(time, cause, self._least(self._required, problem), begin)
         event = replace(event, seconds=perf_counter() - begin)
@@ -249,21 +252,24 @@ class Replanner:
         self._judged = judged
         return False
 
-    def _least(self, required: PlanningProblem, problem: PlanningProblem) -> PlanningProblem:
+    def _least(self, required: PlanningProblem, problem: PlanningProblem) -> _Known:
         """Return what is required of what is known now."""
         stated = _are_same(problem.obstacles, self._plan.problem.obstacles)
-        return replace(
+        least = replace(
             required,
             points=problem.points,
             initial_T_goal=problem.initial_T_goal,
             obstacles=required.obstacles if stated else problem.obstacles,
         )
+        known = self._known(least)
+        arm_keeps = known.setting if self._arm is None else self._arm.required or known.setting
+        return replace(known, setting=arm_keeps)
 
     def _answer(
-        self, time: float, cause: Literal["obstacles", "estimate"], problem: PlanningProblem, begin: float
+        self, time: float, cause: Literal["obstacles", "estimate"], known: _Known, begin: float
     ) -> Replanning:
         """Return what is to be done; how long that took is stated by `look`."""
-        known, later = self._known(problem), time + self.options.ahead
+        problem, later = known.problem, time + self.options.ahead
         same_goal = problem.initial_T_goal is self._problem.initial_T_goal
 
         kept = Replanning(time, cause, "kept", self._at(later)[0].w(later)[0], problem, 0.0)
@@ -321,7 +327,8 @@ class Replanner:
             self._around is None or not self._around.move_surroundings(self._solids)
         ):
             self._around = self._arm.setting.bodies(problem.obstacles)
-        return _Known(problem, searched_constraints(problem), self._around)
+        setting = None if self._arm is None else self._arm.setting
+        return _Known(problem, searched_constraints(problem), setting, self._around)
 
     def _law(self, fork: _Fork, path: CameraPath, joints: JointPath | None) -> RestOfLaw | None:
         """Return how another way is gone from there; None: the joints are too fast for it."""
@@ -338,12 +345,11 @@ class Replanner:
             return replace(followed, status="not_found", reason=reason), None
         if fork.s == 0.0 and fork.leg.law(fork.time)[1] > 0.0:  # to be taken up just then: it moves already
             problem = replace(problem, initial_velocity=fork.leg.path(0.0, 1))
-        if self._arm is None or fork.joints is None:
+        if known.setting is None or fork.joints is None:
             found = replan(followed, fork.s, problem, pose=fork.pose, time_budget=budget, seed=seed)
             return found, None
-        setting = self._arm.setting
         with_arm = replan_with_arm(
-            followed, fork.joints, fork.s, problem, setting,
+            followed, fork.joints, fork.s, problem, known.setting,
             pose=fork.pose, bodies=known.bodies, time_budget=budget, seed=seed,
         )  # fmt: skip
         return with_arm.plan, with_arm.branch
@@ -368,9 +374,9 @@ class Replanner:
         """Return whether a part of a way is proven for what is known."""
         if prove_whole_path(known.constraints, *path.part(begin, end).powers)[0] != PROVEN:
             return False
-        if self._arm is None or known.bodies is None or joints is None:
+        setting = known.setting
+        if setting is None or known.bodies is None or joints is None:
             return True
-        setting = self._arm.setting
         found = arm_clearance(
             known.bodies,
             joints,

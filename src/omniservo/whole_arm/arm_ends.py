@@ -10,7 +10,8 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray
 from omniservo.planning.planning_problem import PlanningProblem
-from omniservo.robots import ArmBodies, spelled_gap
+from omniservo.robots import Arm, ArmBodies, spelled_gap
+from omniservo.robots.aspect import SINGULARITIES, aspect_of
 from omniservo.whole_arm.arm_setting import ArmSetting
 
 
@@ -29,43 +30,79 @@ def violation_at_goal(problem: PlanningProblem, setting: ArmSetting, bodies: Arm
     """Return a sentence that says why the arm can stand at the goal in no configuration; else "".
 
     Every configuration that `Arm.inverse` knows is tried; where it has no closed form the sentence says so.
+    With one, those count that the setting's, which is regular, leads to without a singularity (`aspect_of`).
     """
-    return _violation_at("goal", problem.initial_T_goal, _Stand(problem, setting, bodies))
+    return _violation_at("goal", problem.initial_T_goal, _Stand(problem, setting, bodies), setting.start)
 
 
 def free_postures(problem: PlanningProblem, setting: ArmSetting, bodies: ArmBodies) -> FloatArray:
-    """Return the configurations (k, n) [rad] that reach the goal and in which the arm can stand."""
-    stand = _Stand(problem, setting, bodies)
+    """Return the configurations (k, n) [rad] at the goal that are free and not beyond a singularity.
+
+    That is, those of the aspect of the setting's, if there is one.
+    """
+    stand, start = _Stand(problem, setting, bodies), setting.start
     try:
         postures = setting.arm.inverse(setting.base_T_flange(problem.initial_T_goal))
     except InputError:  # out of reach
         return np.empty((0, setting.arm.dof))
+    if start is not None:
+        here = aspect_of(setting.arm, start)
+        postures = postures[[aspect_of(setting.arm, q) == here for q in postures]]
     return postures[[not stand.violation(q)[1] for q in postures]]
 
 
-def _violation_at(pose: str, initial_T_camera: RigidTransform, stand: _Stand) -> str:
+def _violation_at(
+    pose: str, initial_T_camera: RigidTransform, stand: _Stand, start: FloatArray | None = None
+) -> str:
+    """Return why the arm cannot stand at a pose, coming from ``start`` if there is one; "" where it can."""
     setting = stand.setting
     try:
         postures = setting.arm.inverse(setting.base_T_flange(initial_T_camera))
     except InputError as error:
         return f"the {pose} pose cannot be reached: {error}"
+    apart = _apart(setting.arm, postures)
+    across = _across(setting.arm, start, apart)
     reasons = []
-    for q in _apart(postures):
-        reasons.append(stand.violation(q))
+    for k in np.argsort([len(passed) for passed in across], kind="stable").tolist():
+        reasons.append(stand.violation(apart[k]))
         if not reasons[-1][1]:
-            return ""
+            return _beyond(pose, across[k], reasons[: across.count(())])
     known = "" if setting.arm.has_closed_form else " that a seeded search found"
     return _sentence(pose, min(reasons)[1], f" in any of {len(reasons)} joint configurations{known}")
+
+
+def _across(arm: Arm, start: FloatArray | None, postures: FloatArray) -> list[tuple[str, ...]]:
+    """Name the singularities on every way from ``start`` to each of the configurations (k, n)."""
+    if start is None or not arm.has_closed_form:
+        return [()] * len(postures)
+    here = aspect_of(arm, start)
+    signs = [zip(SINGULARITIES, here, aspect_of(arm, q), strict=True) for q in postures]
+    return [tuple(name for name, a, b in each if a != b) for each in signs]
+
+
+def _beyond(pose: str, passed: tuple[str, ...], before: list[tuple[float, str]]) -> str:
+    """Say which singularities are passed to the nearest free configuration; "": none.
+
+    ``before``: what stops the arm in those configurations that it comes to without passing one.
+    """
+    if not passed:
+        return ""
+    short = min(before)[1] if before else "it is out of reach, or a joint's range ends"
+    return (
+        f"the {pose} pose is free only beyond a singularity ({', '.join(passed)}), where no camera is led; "
+        f"without one {short}"
+    )
 
 
 def _sentence(pose: str, reason: str, where: str) -> str:
     return f"the {pose} pose is not free{where}: {reason}" if reason else ""
 
 
-def _apart(postures: FloatArray) -> FloatArray:
-    """Return one of all joints that differ by full turns: bodies and singularity are the same there."""
-    _, first = np.unique(np.round(np.exp(1j * postures), 6), axis=0, return_index=True)
-    return postures[np.sort(first)]
+def _apart(arm: Arm, postures: FloatArray) -> FloatArray:
+    """Return of all joints that differ by full turns those farthest from their limits: the rest is alike."""
+    ordered = postures[np.argsort(-arm.limit_margins(postures).min(axis=1), kind="stable")]
+    _, first = np.unique(np.round(np.exp(1j * ordered), 6), axis=0, return_index=True)
+    return ordered[np.sort(first)]
 
 
 class _Stand:
