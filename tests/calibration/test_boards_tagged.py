@@ -82,6 +82,31 @@ def test_opencvs_own_drawing_of_a_charuco_board_is_found():
     assert np.abs(view.pixels - expected[view.ids]).max() < 0.05
 
 
+@pytest.mark.parametrize("size", [(8, 6), (7, 6)])
+def test_a_board_as_opencv_printed_it_before_4_6_has_its_corners_where_the_new_one_has_them(size):
+    square, pixels_a_square, margin = 0.04, 80, 20
+    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
+    drawn = cv2.aruco.CharucoBoard(size, square, 0.03, dictionary)
+    sheet = tuple(pixels_a_square * count + 2 * margin for count in size)
+    camera = UnifiedCamera(700.0, 700.0, 379.5, 359.5, 0.0, 760, 720)
+    board = CharucoBoard(*size, square, 0.03, "DICT_4X4_50")
+    camera_T_board = facing(board, (0.0, 0.0, 1.0), 0.45, (0.3, -0.2), 0.2)
+    K = np.array([[700.0, 0.0, 379.5], [0.0, 700.0, 359.5], [0.0, 0.0, 1.0]])
+    pose = camera_T_board.as_matrix()[:3, [0, 1, 3]]
+    to_sheet = np.array([[square / pixels_a_square, 0, 0], [0, square / pixels_a_square, 0], [0, 0, 1.0]])
+    to_sheet[:2, 2] = square * (0.5 - margin) / pixels_a_square  # of the first pixel's centre
+    for legacy in (False, True):
+        drawn.setLegacyPattern(legacy)
+        print_out = drawn.generateImage(sheet, marginSize=margin)
+        image = cv2.warpPerspective(print_out, K @ pose @ to_sheet, (760, 720), borderValue=128)
+        image = cv2.GaussianBlur(image, (0, 0), 0.8)
+        for known in (None, camera):
+            view = find_board(image, board, known)
+            assert len(view) == len(board.points)
+            true = camera.project(camera_T_board.apply(view.object_points))[0]
+            assert np.linalg.norm(view.pixels - true, axis=1).max() < 0.1
+
+
 def test_without_this_board_there_is_a_reason():
     camera = UnifiedCamera(300, 300, 199.5, 149.5, 0.0, 400, 300)
     far = RigidTransform.from_translation([5.0, 0.0, 1.0])

@@ -105,8 +105,16 @@ class CharucoBoard(Board):
     @cached_property
     def marker_corners(self) -> FloatArray:
         """(m, 4, 2) corners of the markers in units of the pitch, clockwise from the top left, by number."""
+        return self._marker_corners(1)
+
+    @cached_property
+    def legacy_marker_corners(self) -> FloatArray:
+        """The same as OpenCV printed them before 4.6: with an even number of rows they begin with one."""
+        return self._marker_corners(self.rows % 2)
+
+    def _marker_corners(self, parity: int) -> FloatArray:
         row, column = np.mgrid[0 : self.rows, 0 : self.columns].reshape(2, -1)
-        bright = (row + column) % 2 == 1
+        bright = (row + column) % 2 == parity
         half = 0.5 * self.marker / self.square
         middle = np.stack([column[bright], row[bright]], axis=1) + 0.5
         return np.asarray(middle[:, None, :] + half * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]))

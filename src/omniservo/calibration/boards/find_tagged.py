@@ -20,11 +20,11 @@ _LEAST_CORNERS = 4
 _LEAST_AGREEING = 0.5  # share of the markers: with fewer the board is another one
 
 
-def charuco_corners(image: ByteArray, board: CharucoBoard) -> Corners:
+def _charuco_corners(image: ByteArray, board: CharucoBoard, legacy: bool) -> Corners:
     """Return the board's places, where nothing is known yet."""
     # bright squares are one-coloured up to their marker, so a corner's window is a cross
     margin = 0.5 * (1.0 - board.marker / board.square)
-    signs = 1.0 - 2.0 * (board.places.sum(axis=1) % 2)
+    signs = 1.0 - 2.0 * ((board.places.sum(axis=1) + legacy) % 2)
     return Corners(image, board.places, signs, (_ALONG, _WITHIN * margin))
 
 
@@ -35,25 +35,33 @@ def aprilgrid_corners(image: ByteArray, board: AprilGrid, border: int = 1) -> Co
     return Corners(image, board.places, signs, (_WITHIN * board.ratio, _WITHIN * strip))
 
 
-def find_charuco(image: ByteArray, board: CharucoBoard) -> BoardView:
-    """Find the chessboard corners of a ChArUco board, also of a part of it and of its mirror image."""
-    places = board.marker_corners
-    markers = find_markers(image, board.dictionary, len(places), borders=(1,))
-    return _measured(board, charuco_corners(image, board), markers, places[markers.numbers], board.dictionary)
+def find_charuco(image: ByteArray, board: CharucoBoard) -> tuple[BoardView, Corners]:
+    """Find the chessboard corners of a ChArUco board, also of a part of it and of its mirror image.
+
+    A board with an even number of rows is read as OpenCV printed it before 4.6 where more markers are there.
+
+    Returns:
+        the view, and the places, where nothing is known yet, for a second look.
+    """
+    markers = find_markers(image, board.dictionary, len(board.marker_corners), borders=(1,))
+    places = board.marker_corners[markers.numbers]
+    good, legacy = _agreeing(places, markers.corners), False
+    if board.rows % 2 == 0 and not good.all():
+        older = board.legacy_marker_corners[markers.numbers]
+        there = _agreeing(older, markers.corners)
+        legacy = bool(there.sum() > good.sum())
+        places, good = (older, there) if legacy else (places, good)
+    view = _measured(board, _charuco_corners(image, board, legacy), markers, places, good, board.dictionary)
+    return view, _charuco_corners(image, board, legacy)
 
 
 def find_aprilgrid(image: ByteArray, board: AprilGrid) -> BoardView:
     """Find the corners of an AprilGrid's tags, also of a part of it and of its mirror image."""
     markers = find_markers(image, _APRILTAG, board.columns * board.rows)
     # a reader's first corner is the top left one of the code as printed: here the fourth
-    places = board.places.reshape(-1, 4, 2)[markers.numbers][:, ::-1]
-    return _measured(
-        board,
-        aprilgrid_corners(image, board, markers.border),
-        markers,
-        _turned_to_fit(places, markers),
-        _APRILTAG,
-    )
+    places = _turned_to_fit(board.places.reshape(-1, 4, 2)[markers.numbers][:, ::-1], markers)
+    good = _agreeing(places, markers.corners)
+    return _measured(board, aprilgrid_corners(image, board, markers.border), markers, places, good, _APRILTAG)
 
 
 def _turned_to_fit(places: FloatArray, markers: Markers) -> FloatArray:
@@ -71,11 +79,15 @@ def _roughness(places: FloatArray, pixels: FloatArray) -> float:
 
 
 def _measured(
-    board: AprilGrid | CharucoBoard, corners: Corners, markers: Markers, places: FloatArray, name: str
+    board: AprilGrid | CharucoBoard,
+    corners: Corners,
+    markers: Markers,
+    places: FloatArray,
+    good: BoolArray,
+    name: str,
 ) -> BoardView:
     if not len(places):
         return BoardView.nothing(f"no marker of {name} with a number of this board")
-    good = _agreeing(places, markers.corners)
     if good.sum() < _LEAST_AGREEING * len(good):
         return BoardView.nothing(
             f"{len(good)} markers of {name}, but {int((~good).sum())} of them not where a board of"
