@@ -6,8 +6,8 @@ planned for with the true points and goal: where that gives a certified path tha
 image's limits and the sight of every point, and that the arm can follow, if there is one, the scene is
 proven feasible. Of all others those count as feasible, too, in which a method reached the goal and lost
 no point, and those of which a search that knows nothing of that planner (`benchmarks.feasible_path`) finds a
-path in so many seconds. Neither estimate nor margins have a part in it. What is past 90° is so from the
-axis, at an end.
+path in so many seconds. An arm's scene may be proven to have none: its goal lies beyond a singularity.
+Neither estimate nor margins have a part in it. What is past 90° is so from the axis, at an end.
 """
 
 from __future__ import annotations
@@ -31,7 +31,8 @@ from omniservo.whole_arm import plan_with_arm
 
 PROVEN, GONE = "proven by the planner", "not proven, and gone by a method"
 FOUND, UNKNOWN = "else found by RRT-Connect", "of which no path is known"
-PATHS = PROVEN, GONE, FOUND, UNKNOWN
+NONE = "proven to have none"
+PATHS = PROVEN, GONE, FOUND, NONE, UNKNOWN
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ class Truth:
     @property
     def feasible(self) -> bool:
         """Whether a path is known."""
-        return self.path != UNKNOWN
+        return self.path not in (NONE, UNKNOWN)
 
 
 Choice = Callable[[StudyRow, Truth], bool]
@@ -66,13 +67,15 @@ def truth_of(study: Study, number: int, camera: str, seconds: float, gone: bool)
     scene = draw_scene(study, number, study.cameras[camera])
     problem, path = problem_of_truth(scene), UNKNOWN
     if scene.arm is None:
-        proven = plan_path(problem, seed=number).status == "certified"
+        status = plan_path(problem, seed=number).status
     else:
-        proven = plan_with_arm(problem, scene.arm.true_setting(), seed=number).certified
-    if proven:
+        status = plan_with_arm(problem, scene.arm.true_setting(), seed=number).plan.status
+    if status == "certified":
         path = PROVEN
     elif gone:
         path = GONE
+    elif status == "infeasible":
+        path = NONE
     elif has_path(scene, seconds):
         path = FOUND
     ends = scene.points, scene.initial_T_goal.inv().apply(scene.points)

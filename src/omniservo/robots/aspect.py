@@ -9,11 +9,11 @@ from omniservo.robots.arm import Arm
 from omniservo.robots.kinematics.chain import carry
 
 SINGULARITIES = ("shoulder", "elbow", "wrist")
-"""What the factors of det J belong to, where there are three; the order of `aspect_of`"""
+"""What the factors of det J belong to, where there are three; the order of `aspects_of`"""
 
 
-def aspect_of(arm: Arm, q: FloatArray) -> tuple[int, ...]:
-    """Return the signs of the factors of det J in a regular configuration (n,) [rad]: its aspect.
+def aspects_of(arm: Arm, q: FloatArray) -> FloatArray:
+    """Return the signs of the factors of det J in regular configurations (k, n) [rad]: their aspects (k, m).
 
     No motion leads from one aspect to another (Borrel and Liégeois, 1986) but through a singularity, where
     det J is 0. Of an arm with a closed form axes 2 and 3 are parallel, and the last two meet in W; axis 4 is
@@ -22,31 +22,40 @@ def aspect_of(arm: Arm, q: FloatArray) -> tuple[int, ...]:
     x₄·(x₅ × x₆): take the moments about W. Six other joints have one sign, seven none.
     """
     if arm.dof != 6:
-        return ()
-    if not arm.has_closed_form:
-        return (int(np.sign(np.linalg.det(arm.flange_jacobian(q)))),)
-    shoulder, elbow, wrist = determinant_factors(arm, q)
-    return int(np.sign(shoulder)), int(np.sign(elbow)), int(np.sign(wrist))
+        return np.empty((len(q), 0))
+    if arm.has_closed_form:
+        return np.sign(determinant_factors(arm, q))
+    return np.array([[np.sign(np.linalg.det(arm.flange_jacobian(one)))] for one in q])
 
 
-def determinant_factors(arm: Arm, q: FloatArray) -> tuple[float, float, float]:
-    """Return the three factors of det J of an arm with a closed form, see `aspect_of`."""
-    chain, frames = arm.chain, np.empty((7, 3, 4))
-    carry(chain, np.ascontiguousarray(q, dtype=np.float64), frames)
-    moved = frames[:-1]
-    x = np.einsum("ijk,ik->ij", moved[:, :, :3], chain.axes)
-    a = np.einsum("ijk,ik->ij", moved[:, :, :3], chain.anchors) + moved[:, :, 3]
-    centre = _nearest(a[4], x[4], a[5], x[5])
-    fourth = _nearest(a[3], x[3], a[4], x[4])
-    return (
-        float((centre - a[0]) @ np.cross(x[0], x[1])),
-        float(x[1] @ np.cross(a[2] - a[1], fourth - a[2])),
-        float(x[3] @ np.cross(x[4], x[5])),
+def determinant_factors(arm: Arm, q: FloatArray) -> FloatArray:
+    """Return the three factors (k, 3) of det J of an arm with a closed form, see `aspects_of`."""
+    chain, frames = arm.chain, np.empty((len(q), 7, 3, 4))
+    for one, moved in zip(np.ascontiguousarray(q), frames, strict=True):
+        carry(chain, one, moved)
+    turns, shifts = frames[:, :-1, :, :3], frames[:, :-1, :, 3]
+    x = np.einsum("kijc,ic->ikj", turns, chain.axes)
+    a = np.einsum("kijc,ic->ikj", turns, chain.anchors) + shifts.transpose(1, 0, 2)
+    centre, fourth = _nearest(a[4], x[4], a[5], x[5]), _nearest(a[3], x[3], a[4], x[4])
+    return np.stack(
+        [
+            _triple(centre - a[0], x[0], x[1]),
+            _triple(x[1], a[2] - a[1], fourth - a[2]),
+            _triple(x[3], x[4], x[5]),
+        ],
+        axis=1,
     )
 
 
 def _nearest(a: FloatArray, x: FloatArray, b: FloatArray, y: FloatArray) -> FloatArray:
-    """Return the point of the line through ``a`` along ``x`` that is nearest to the line through ``b``."""
-    s, _ = np.linalg.lstsq(np.stack([x, -y], axis=1), b - a)[0]
-    nearest: FloatArray = a + s * x
+    """Return the points (k, 3) of lines through ``a`` along ``x`` nearest to lines through ``b``."""
+    across, apart = (x * y).sum(axis=1), b - a
+    along = ((apart * x).sum(axis=1) - across * (apart * y).sum(axis=1)) / (1.0 - across**2)
+    nearest: FloatArray = a + along[:, None] * x
     return nearest
+
+
+def _triple(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
+    """Return a·(b × c), row by row."""
+    product: FloatArray = (a * np.cross(b, c)).sum(axis=1)
+    return product

@@ -11,7 +11,7 @@ from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray
 from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.robots import Arm, ArmBodies, spelled_gap
-from omniservo.robots.aspect import SINGULARITIES, aspect_of
+from omniservo.robots.aspect import SINGULARITIES, aspects_of
 from omniservo.whole_arm.arm_setting import ArmSetting
 
 
@@ -30,7 +30,7 @@ def violation_at_goal(problem: PlanningProblem, setting: ArmSetting, bodies: Arm
     """Return a sentence that says why the arm can stand at the goal in no configuration; else "".
 
     Every configuration that `Arm.inverse` knows is tried; where it has no closed form the sentence says so.
-    With one, those count that the setting's, which is regular, leads to without a singularity (`aspect_of`).
+    With one, those count that the setting's, which is regular, leads to without a singularity (`aspects_of`).
     """
     return _violation_at("goal", problem.initial_T_goal, _Stand(problem, setting, bodies), setting.start)
 
@@ -46,8 +46,8 @@ def free_postures(problem: PlanningProblem, setting: ArmSetting, bodies: ArmBodi
     except InputError:  # out of reach
         return np.empty((0, setting.arm.dof))
     if start is not None:
-        here = aspect_of(setting.arm, start)
-        postures = postures[[aspect_of(setting.arm, q) == here for q in postures]]
+        here, *there = aspects_of(setting.arm, np.vstack([start, postures]))
+        postures = postures[(np.array(there) == here).all(axis=1)]
     return postures[[not stand.violation(q)[1] for q in postures]]
 
 
@@ -75,9 +75,11 @@ def _across(arm: Arm, start: FloatArray | None, postures: FloatArray) -> list[tu
     """Name the singularities on every way from ``start`` to each of the configurations (k, n)."""
     if start is None or not arm.has_closed_form:
         return [()] * len(postures)
-    here = aspect_of(arm, start)
-    signs = [zip(SINGULARITIES, here, aspect_of(arm, q), strict=True) for q in postures]
-    return [tuple(name for name, a, b in each if a != b) for each in signs]
+    here, *there = aspects_of(arm, np.vstack([start, postures]))
+    return [
+        tuple(name for name, a, b in zip(SINGULARITIES, here, signs, strict=True) if a != b)
+        for signs in there
+    ]
 
 
 def _beyond(pose: str, passed: tuple[str, ...], before: list[tuple[float, str]]) -> str:
