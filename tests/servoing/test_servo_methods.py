@@ -46,7 +46,7 @@ def seen(points, goal_T_camera):
         distances,
         points / goal_distances[:, None],
         goal_distances,
-        goal_T_camera,
+        goal_T_camera.as_matrix(),
     )
 
 

@@ -54,7 +54,7 @@ def seen_from(camera_T_target):
     distances, goal_distances = np.linalg.norm(now, axis=1), np.linalg.norm(goal, axis=1)
     return ServoMeasurement(
         0.0, now / distances[:, None], distances, goal / goal_distances[:, None], goal_distances,
-        GOAL_T_TARGET * camera_T_target.inv(),
+        (GOAL_T_TARGET * camera_T_target.inv()).as_matrix(),
     )  # fmt: skip
 
 

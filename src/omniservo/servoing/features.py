@@ -94,19 +94,32 @@ def feature_named(name: FeatureName) -> Feature:
     raise InputError(f"feature: {name!r} given; legal: {', '.join(get_args(FeatureName))}")
 
 
-def _value(feature: Feature, bearings: npt.ArrayLike) -> tuple[FloatArray, BoolArray]:
-    directions = np.ascontiguousarray(finite_array("bearings", bearings, (None, 3)))
+def features_of(feature: Feature, directions: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Return s (n, k) of directions (n, 3) that are not checked, and where it exists (n,); else 0.
+
+    It exists in no direction that is not finite.
+    """
     features = np.empty((len(directions), 3))
     valid = np.empty(len(directions), dtype=np.bool_)
-    write_features(feature.kind, directions, features, valid)
-    features[~valid] = np.nan
+    write_features(feature.kind, np.ascontiguousarray(directions), features, valid)
     return features[:, : feature.width], valid
 
 
-def _interaction(feature: Feature, points: npt.ArrayLike) -> tuple[FloatArray, BoolArray]:
-    positions = np.ascontiguousarray(finite_array("points", points, (None, 3)))
-    rows = np.empty((len(positions), 3, 6))
-    valid = np.empty(len(positions), dtype=np.bool_)
-    write_interaction(feature.kind, positions, rows, valid)
-    rows[~valid] = np.nan
+def interaction_of(feature: Feature, points: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Return L (n, k, 6) of points (n, 3) that are not checked, and where it exists (n,); else 0."""
+    rows = np.empty((len(points), 3, 6))
+    valid = np.empty(len(points), dtype=np.bool_)
+    write_interaction(feature.kind, np.ascontiguousarray(points), rows, valid)
     return rows[:, : feature.width], valid
+
+
+def _value(feature: Feature, bearings: npt.ArrayLike) -> tuple[FloatArray, BoolArray]:
+    features, valid = features_of(feature, finite_array("bearings", bearings, (None, 3)))
+    features[~valid] = np.nan
+    return features, valid
+
+
+def _interaction(feature: Feature, points: npt.ArrayLike) -> tuple[FloatArray, BoolArray]:
+    rows, valid = interaction_of(feature, finite_array("points", points, (None, 3)))
+    rows[~valid] = np.nan
+    return rows, valid

@@ -10,7 +10,7 @@ from omniservo.errors import FeatureLoss
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray
 from omniservo.servoing.adaptive_gain import Gain, refuse_wrong_gain
-from omniservo.servoing.features import VirtualPlaneFeatures
+from omniservo.servoing.features import VirtualPlaneFeatures, features_of, interaction_of
 from omniservo.servoing.feedback import feedback
 from omniservo.servoing.rotation_vector import rotation_vector_interaction
 from omniservo.servoing.servo_measurement import ServoMeasurement
@@ -52,8 +52,8 @@ class HybridServo:
         Raises:
             FeatureLoss: no point lies in front of the image plane, now and in the goal image.
         """
-        now, exists = self._feature.value(seen.bearings)
-        goal, there = self._feature.value(seen.goal_bearings)
+        now, exists = features_of(self._feature, seen.bearings)
+        goal, there = features_of(self._feature, seen.goal_bearings)
         use = np.flatnonzero(exists & there)
         if not len(use):
             raise FeatureLoss(
@@ -61,11 +61,12 @@ class HybridServo:
                 "2½-D servoing needs one"
             )
         points, turn = seen.goal_points, seen.turn
-        off = np.linalg.norm(points[use] - points.mean(axis=0), axis=1)
-        j = int(use[np.argmin(np.round(off, _ALIKE))])
-        (x, y), depth = now[j], seen.points[j, 2]
+        off = points[use] - points.sum(axis=0) / len(points)
+        j = int(use[np.sqrt((off * off).sum(axis=1)).round(_ALIKE).argmin()])
+        here = seen.bearings[j : j + 1] * seen.distances[j]
+        (x, y), depth = now[j], here[0, 2]
         matrix = np.zeros((6, 6))
-        matrix[:2] = self._feature.interaction(seen.points[j : j + 1])[0][0]
+        matrix[:2] = interaction_of(self._feature, here)[0][0]
         matrix[2] = [0.0, 0.0, -1.0 / depth, -y, x, 0.0]
         matrix[3:, 3:] = rotation_vector_interaction(turn)
         return np.concatenate((now[j] - goal[j], [np.log(depth / points[j, 2])], turn)), matrix

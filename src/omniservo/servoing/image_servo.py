@@ -5,11 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, get_args
 
+import numpy as np
+
 from omniservo.errors import FeatureLoss, InputError
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray
 from omniservo.servoing.adaptive_gain import Gain, refuse_wrong_gain
-from omniservo.servoing.features import FeatureName, feature_named
+from omniservo.servoing.features import FeatureName, feature_named, features_of, interaction_of
 from omniservo.servoing.feedback import feedback
 from omniservo.servoing.servo_measurement import ServoMeasurement
 
@@ -61,17 +63,17 @@ class ImageServo:
         Raises:
             FeatureLoss: fewer than four points have the feature, now and in the goal image.
         """
-        now, exists = self._feature.value(seen.bearings)
-        goal, there = self._feature.value(seen.goal_bearings)
+        now, exists = features_of(self._feature, seen.bearings)
+        goal, there = features_of(self._feature, seen.goal_bearings)
         use = exists & there
-        if use.sum() < LEAST_POINTS:
+        if np.count_nonzero(use) < LEAST_POINTS:
             where = "" if self.options.feature == "bearing" else " in front of the image plane"
             raise FeatureLoss(
                 f"{int(use.sum())} of {len(use)} points are seen{where}, now and in the goal image; at least "
                 f"{LEAST_POINTS} are needed"
             )
         blocks = [
-            self._feature.interaction(points[use])[0]
+            interaction_of(self._feature, points[use])[0]
             for points, names in ((seen.points, ("current", "mean")), (seen.goal_points, ("desired", "mean")))
             if self.options.matrix in names
         ]

@@ -55,14 +55,14 @@ class PoseServo:
 
     def error(self, seen: ServoMeasurement) -> tuple[FloatArray, FloatArray]:
         """Return e (6,) in m and rad, and its interaction matrix L (6, 6)."""
-        pose, turn = seen.goal_T_camera, seen.turn
+        pose, turn = seen.matrix, seen.turn
         matrix = np.zeros((6, 6))
         matrix[3:, 3:] = rotation_vector_interaction(turn)
         if self.options.translation == "camera":
-            matrix[:3, :3] = pose.as_matrix()[:3, :3]
-            return np.concatenate((pose.translation, turn)), matrix
+            matrix[:3, :3] = pose[:3, :3]
+            return np.concatenate((pose[:3, 3], turn)), matrix
         goal = seen.goal_points.mean(axis=0)
-        now = pose.inv().apply(goal)
+        now = (goal - pose[:3, 3]) @ pose[:3, :3]
         matrix[:3, :3] = -np.eye(3)
         matrix[:3, 3:] = cross_matrix(now)
         return np.concatenate((now - goal, turn)), matrix

@@ -9,10 +9,12 @@ import numpy as np
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.quaternions import quaternion_from_matrix
 
+_IDENTITY = np.eye(3)
+
 
 def cross_matrix(vector: FloatArray) -> FloatArray:
     """Return [v]× (3, 3): [v]× x = v × x."""
-    x, y, z = vector
+    x, y, z = vector.tolist()
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
@@ -30,10 +32,10 @@ def rotation_vector_interaction(rotation_vector: FloatArray) -> FloatArray:
     J = I + ½[θu]× + (1 − (θ/2) cot(θ/2)) [u]×²; so J⁻¹ θu = θu. Malis, Chaumette and Boudet, *2½-D visual
     servoing* (1999), L_ω there, for the inverse rotation.
     """
-    angle = float(np.linalg.norm(rotation_vector))
+    angle = math.sqrt(rotation_vector @ rotation_vector)
     half = 0.5 * angle
     # (1 − x cot x)/θ² of x = θ/2, by its series where the difference would lose digits
     share = 1.0 / 12.0 + angle**2 / 720.0 if angle < 1e-2 else (1.0 - half / math.tan(half)) / angle**2
     cross = cross_matrix(rotation_vector)
-    matrix: FloatArray = np.eye(3) + 0.5 * cross + share * cross @ cross
+    matrix: FloatArray = _IDENTITY + 0.5 * cross + share * cross @ cross
     return matrix

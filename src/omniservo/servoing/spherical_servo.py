@@ -26,11 +26,14 @@ MOST_TRIANGLES = 84
 LEAST_AREA = 0.1
 """A triangle smaller than this share of the largest one is not used: of a thin one 1/√Δ runs away."""
 
-_NEXT, _LAST = [1, 2, 0], [2, 0, 1]
-"""round a triangle's corners, and round the axes"""
+_ROUND = [0, 1, 2, 0, 1]
+"""A triangle's corners, and the axes, with the first two again: the next ones are a slice then, not a copy."""
+_NEXT, _LAST = slice(1, 4), slice(2, 5)
 
 LEAST_TRIANGLES = 3
 """The translation has three components."""
+
+_IDENTITY = np.eye(3)
 
 
 @with_field_docs
@@ -71,21 +74,20 @@ class SphericalServo:
         """
         corners = _triangles(len(seen.bearings))
         area, slope = _areas(seen, corners)
-        goal_normals = _normals(seen.goal_bearings.T[:, corners])
-        goal_area = 0.5 * np.sqrt((goal_normals**2).sum(axis=0))
-        use = np.ones(len(corners), dtype=np.bool_)
-        for each in (area, goal_area):
-            use &= each > LEAST_AREA * each.max(initial=0.0)
-        if use.sum() < LEAST_TRIANGLES:
+        goal_area = 0.5 * _length(_normals(_spanned(seen.goal_bearings, corners[:3])))
+        wide = area > LEAST_AREA * area.max(initial=0.0)
+        wide &= goal_area > LEAST_AREA * goal_area.max(initial=0.0)
+        use = np.flatnonzero(wide)
+        if len(use) < LEAST_TRIANGLES:
             raise FeatureLoss(
-                f"{len(seen.bearings)} points span {int(use.sum())} triangles that are wide enough, now and "
-                f"in the goal image; at least {LEAST_TRIANGLES} are needed"
+                f"{len(seen.bearings)} points span {len(use)} triangles that are wide enough, now and in the "
+                f"goal image; at least {LEAST_TRIANGLES} are needed"
             )
         turn, rates = _rotation(seen)
-        translational = (-0.5 * area[use] ** -1.5)[:, None] * slope[use]
-        matrix = np.zeros((len(translational) + 3, 6))
-        matrix[:-3, :3], matrix[-3:] = translational, rates
-        return np.concatenate((area[use] ** -0.5 - goal_area[use] ** -0.5, turn)), matrix
+        area, goal_area = area[use], goal_area[use]
+        matrix = np.zeros((len(use) + 3, 6))
+        matrix[:-3, :3], matrix[-3:] = (-0.5 * area**-1.5 * slope[:, use]).T, rates
+        return np.concatenate((area**-0.5 - goal_area**-0.5, turn)), matrix
 
     def step(self, seen: ServoMeasurement) -> FloatArray:
         """Return the camera twist (6,), (linear [m/s], angular [rad/s]) in the camera frame.
@@ -99,35 +101,46 @@ class SphericalServo:
 
 @lru_cache(maxsize=64)
 def _triangles(count: int) -> IntArray:
-    """Return corners (k, 3) of at most MOST_TRIANGLES triangles of ``count`` points."""
+    """Return the corners of at most MOST_TRIANGLES triangles of ``count`` points, (5, k) by `_ROUND`."""
     every = np.array(list(combinations(range(count), 3)), dtype=np.int64).reshape(-1, 3)
-    if len(every) <= MOST_TRIANGLES:
-        return every
-    return every[np.linspace(0, len(every) - 1, MOST_TRIANGLES).round().astype(np.int64)]
+    if len(every) > MOST_TRIANGLES:
+        every = every[np.linspace(0, len(every) - 1, MOST_TRIANGLES).round().astype(np.int64)]
+    return np.ascontiguousarray(every.T[_ROUND])
+
+
+def _spanned(bearings: FloatArray, corners: IntArray) -> FloatArray:
+    """Return the bearings (n, 3) at corners (c, k) as (5, c, k), coordinates first."""
+    return bearings.T[_ROUND].take(corners, axis=1)
 
 
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Return a × b (3, …), coordinates first; `np.cross` takes several times as long on few vectors."""
+    """Return a × b (3, …) of vectors (5, …); `np.cross` takes several times as long on few of them."""
     product: FloatArray = a[_NEXT] * b[_LAST] - a[_LAST] * b[_NEXT]
     return product
 
 
+def _length(vectors: FloatArray) -> FloatArray:
+    """Return the lengths (k,) of vectors (3, k)."""
+    lengths: FloatArray = np.sqrt((vectors * vectors).sum(axis=0))
+    return lengths
+
+
 def _normals(spanned: FloatArray) -> FloatArray:
-    """Return (b − a) × (c − a), (3, k), of triangles (3, k, 3), coordinates first and corners last."""
-    return _cross(spanned[:, :, 1] - spanned[:, :, 0], spanned[:, :, 2] - spanned[:, :, 0])
+    """Return (b − a) × (c − a), (3, k), of triangles (5, 3, k) or more corners."""
+    return _cross(spanned[:, 1] - spanned[:, 0], spanned[:, 2] - spanned[:, 0])
 
 
 def _areas(seen: ServoMeasurement, corners: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Return Δ (k,) and ∂Δ/∂(linear velocity) (k, 3) of the triangles."""
-    spanned = seen.bearings.T[:, corners]
+    """Return Δ (k,) and ∂Δ/∂(linear velocity) (3, k) of the triangles."""
+    spanned = _spanned(seen.bearings, corners)
     normals = _normals(spanned)
-    twice = np.sqrt((normals**2).sum(axis=0))
-    unit = normals / np.maximum(twice, 1e-300)
+    twice = _length(normals)
+    unit = (normals / np.maximum(twice, 1e-300))[_ROUND]
     # 2 dΔ = Σ ds_i · ((s_{i+1} − s_{i+2}) × n) round the triangle, ds_i = −(1/d_i)(I − s_i s_iᵀ) υ dt
-    opposite = spanned[:, :, _NEXT] - spanned[:, :, _LAST]
-    pull = _cross(opposite, unit[:, :, None])
-    across = pull - spanned * (pull * spanned).sum(axis=0)
-    slope: FloatArray = -0.5 * (across / seen.distances[corners]).sum(axis=2).T
+    pull = _cross(spanned[:, _NEXT] - spanned[:, _LAST], unit[:, None])
+    s = spanned[:3, :3]
+    across = (pull - s * (pull * s).sum(axis=0)) / seen.distances[corners[:3]]
+    slope: FloatArray = -0.5 * across.sum(axis=1)
     return 0.5 * twice, slope
 
 
@@ -139,15 +152,17 @@ def _rotation(seen: ServoMeasurement) -> tuple[FloatArray, FloatArray]:
     """
     s, goal = seen.bearings, seen.goal_bearings
     u, _, vt = np.linalg.svd(goal.T @ s)
-    u[:, 2] *= np.sign(np.linalg.det(u @ vt))
     rotation: FloatArray = u @ vt
+    if np.linalg.det(rotation) < 0.0:
+        u[:, 2] *= -1.0
+        rotation = u @ vt
     back = goal @ rotation
     spread = back.T @ s
-    weigh = np.trace(spread) * np.eye(3) - spread
+    weigh = spread.trace() * _IDENTITY - spread
     # Σ (1/d) back × (I − s sᵀ) υ = Σ (1/d) ([back]× − (back × s) sᵀ) υ
     near = 1.0 / seen.distances
-    crossed = _cross(back.T, s.T) * near
+    crossed = _cross(back.T[_ROUND], s.T[_ROUND]) * near
     moved = cross_matrix(back.T @ near) - crossed @ s
     turn = rotation_vector(rotation)
     rates = rotation_vector_interaction(turn)
-    return turn, np.hstack((rates @ np.linalg.solve(weigh, moved), rates))
+    return turn, np.concatenate((rates @ np.linalg.solve(weigh, moved), rates), axis=1)

@@ -28,6 +28,7 @@ class FreeCarrier:
     def __init__(self, trajectory: Trajectory) -> None:
         self._trajectory = trajectory
         self._time, self._twist, self._since = 0.0, np.zeros(6), 0.0
+        self._stands = True
         self.rotation = np.eye(3)
         """(3, 3) of initial_T_camera"""
         self.centre = np.zeros(3)
@@ -36,14 +37,14 @@ class FreeCarrier:
 
     def carry(self, twist: FloatArray) -> None:
         """Move by this twist (6,) from now on, for `HOLD` at most."""
-        self._twist, self._since = twist, self._time
+        self._twist, self._since, self._stands = twist, self._time, not twist.any()
 
     def move(self, until: float) -> None:
         """Let the camera move until a time [s]."""
         if until <= self._time:
             return
         acting = min(until, max(self._since + HOLD, self._time)) - self._time
-        if acting > 0.0 and self._twist.any():
+        if acting > 0.0 and not self._stands:
             pieces, begin = max(math.ceil(acting / LONGEST - 1e-9), 1), self._time
             turn, shift = exponential_map(acting / pieces * self._twist)
             for k in range(1, pieces + 1):

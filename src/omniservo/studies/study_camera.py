@@ -53,7 +53,7 @@ class StudyCamera:
             pixels, found = pixels[shown_as], found & in_view[shown_as]
         pixels = pixels + noise
         pixels[~found] = 0.0
-        found[found] = scene.camera.unproject(pixels[found])[1]
+        found &= scene.camera.unproject(pixels)[1]
         return StudyImage(pixels, found, in_view)
 
     def arrival(self, exposed: float) -> float | None:

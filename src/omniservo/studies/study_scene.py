@@ -114,19 +114,19 @@ class StudyScene:
 
     def hidden(self, points: FloatArray, centre: FloatArray) -> BoolArray:
         """Return which points (n, 3) an obstacle hides from a camera's ``centre`` (3,)."""
-        middles, radii = self._balls
+        middles, squared_radii = self._balls
         ray, to_ball = points - centre, middles - centre
         squared, shared = (ray * ray).sum(axis=1)[:, None], ray @ to_ball.T
         along = np.minimum(np.maximum(shared / squared, 0.0), 1.0)
         off = along * (along * squared - 2.0 * shared) + (to_ball * to_ball).sum(axis=1)
-        behind: BoolArray = (off < radii * radii).any(axis=1)
+        behind: BoolArray = np.logical_or.reduce(off < squared_radii, axis=1)
         return behind
 
     @cached_property
     def _balls(self) -> tuple[FloatArray, FloatArray]:
-        """Middles (b, 3) and radii (b,) of the obstacles [m]."""
+        """Middles (b, 3) [m] and squared radii (b,) [m²] of the obstacles."""
         middles = np.array([ball.center for ball in self.obstacles]).reshape(-1, 3)
-        return middles, np.array([ball.radius for ball in self.obstacles])
+        return middles, np.array([ball.radius for ball in self.obstacles]) ** 2
 
 
 class NoScene(Exception):
@@ -265,9 +265,7 @@ def _shown(
     if conditions.focal or any(conditions.centre):
         middle = 0.5 * np.array([camera.width - 1.0, camera.height - 1.0])
         pixels = middle + (1.0 + conditions.focal) * (pixels - middle) + conditions.centre
-    seen = valid.copy()
-    seen[valid] = camera.in_image(pixels[valid])
-    return pixels, seen
+    return pixels, valid & camera.in_image(pixels)
 
 
 def _well_inside(camera: CentralModel, pixels: FloatArray, seen: BoolArray) -> bool:

@@ -34,7 +34,8 @@ class GoalBlend:
 
     def at(self, w: float) -> tuple[FloatArray, FloatArray]:
         """Return o(w) and do/dw, (n, 3) each."""
-        value, slope = np.zeros_like(self._changes[0][1]), np.zeros_like(self._changes[0][1])
+        shape = self._changes[0][1].shape
+        value, slope = np.zeros(shape), np.zeros(shape)
         for begin, change in self._changes:
             if w <= begin < 1.0:
                 continue

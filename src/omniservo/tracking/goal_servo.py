@@ -188,20 +188,22 @@ class GoalServo:
             NotFinite: the method gives no six finite numbers.
             ServoStop: what else the method raises, such as `SingularInteraction`.
         """
-        bearings, use = self._camera.unproject(np.where(valid[:, None], pixels, self._goal_pixels))
+        bearings, use = self._camera.unproject(pixels)
         use &= valid
-        if use.sum() < LEAST_POINTS:
-            raise FeatureLoss(f"{int(use.sum())} points are left; at least {LEAST_POINTS} are needed")
+        count = np.count_nonzero(use)
+        if count < LEAST_POINTS:
+            raise FeatureLoss(f"{count} points are left; at least {LEAST_POINTS} are needed")
         pose, _, _ = refined_matrix(self._camera, self._points, pixels, self._initial_T_camera, use)
         if pose is None:
-            raise Divergence(f"no camera pose explains the {int(use.sum())} points in the image")
+            raise Divergence(f"no camera pose explains the {count} points in the image")
         self._initial_T_camera = pose
         twist = np.array(self.method.step(self._measurement(time, bearings, use, pose)), dtype=np.float64)
         if twist.shape != (6,) or not np.isfinite(twist).all():
             raise NotFinite(f"{type(self.method).__name__} gives the twist {twist.tolist()}; it was not sent")
         factor = limit_twist(twist, self.options.max_linear_speed, self.options.max_angular_speed)
         self._twist, self._time = twist, time
-        error = float(np.sqrt(((pixels - self._goal_pixels)[use] ** 2).sum() / use.sum()))
+        off = (pixels - self._goal_pixels)[use]
+        error = math.sqrt((off * off).sum() / count)
         self._settled = self._settled + 1 if error <= self.options.tolerance_px else 0
         self.report = GoalServoReport(self._goal_pixels, error, pose, factor < 1.0)
         return self._twist
@@ -210,12 +212,13 @@ class GoalServo:
         self, time: float, bearings: FloatArray, use: BoolArray, initial_T_camera: FloatArray
     ) -> ServoMeasurement:
         """Return what is known of the points ``use`` (n,), seen along ``bearings`` (n, 3)."""
-        distances = np.linalg.norm(self._points - initial_T_camera[:3, 3], axis=1)
+        rays = self._points - initial_T_camera[:3, 3]
+        distances = np.sqrt((rays * rays).sum(axis=1))
         return ServoMeasurement(
             time,
             bearings[use],
             distances[use],
             self._goal_bearings[use],
             self._goal_distances[use],
-            RigidTransform(self._goal_T_initial @ initial_T_camera, normalize=False),
+            self._goal_T_initial @ initial_T_camera,
         )

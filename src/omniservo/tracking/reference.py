@@ -45,7 +45,10 @@ class Reference:
 
     def leg(self, time: float) -> Leg:
         """Return the leg that is followed at ``time`` [s]."""
-        return next((leg for leg in self.legs[:0:-1] if leg.time <= time), self.legs[0])
+        for leg in reversed(self.legs):
+            if leg.time <= time:
+                return leg
+        return self.legs[0]
 
     def state(self, time: float) -> tuple[float, float, FloatArray, FloatArray]:
         """Return w, ẇ [1/s], the camera's pose (7,) and its twist (6,) at ``time`` [s]."""

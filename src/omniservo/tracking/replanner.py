@@ -24,6 +24,7 @@ from omniservo.replanning import replan, replan_with_arm
 from omniservo.robots import ArmBodies, JointPath, Solid, arm_clearance
 from omniservo.servoing import RestOfLaw
 from omniservo.tracking.following_arm import FollowingArm
+from omniservo.tracking.goal_image import GoalImage
 from omniservo.tracking.leg import Leg
 from omniservo.tracking.path_tracker import PathTracker
 from omniservo.tracking.replan_options import ReplanOptions
@@ -118,6 +119,7 @@ class Replanner:
         self._tracker, self._plan, self._arm, self._required = tracker, plan, arm, required
         self._problem = self._asked = plan.problem
         self._time = -math.inf
+        self._judged: tuple[GoalImage, PlanningProblem] | None = None
         self._solids: tuple[Solid, ...] = ()
         self._joints = [None if arm is None else arm.joints]
         self._around: ArmBodies | None = None
@@ -228,14 +230,24 @@ class Replanner:
         asked, known = self._asked.obstacles, problem.obstacles
         if not _are_same(asked, known):
             cause, problem = "obstacles", replace(problem, obstacles=asked)
-        change = self.change
-        if not math.isfinite(change):
-            raise NotFinite("the tracker's estimate of points and goal is not finite")
-        if change > self.options.tube:
+        if self._has_moved():
             cause, pose = cause or "estimate", self._tracker.goal.pose
             goal = RigidTransform.from_components(pose[4:], Rotation.from_quat(pose[:4]))
             problem = replace(problem, points=self._tracker.points, initial_T_goal=goal)
         return cause, problem
+
+    def _has_moved(self) -> bool:
+        """Return whether the tracker's estimate is farther from what is planned for than the tube."""
+        judged = self._tracker.goal, self._problem  # the goal is another one whenever the estimate is
+        if self._judged is not None and all(a is b for a, b in zip(judged, self._judged, strict=True)):
+            return False
+        change = self.change
+        if not math.isfinite(change):
+            raise NotFinite("the tracker's estimate of points and goal is not finite")
+        if change > self.options.tube:
+            return True
+        self._judged = judged
+        return False
 
     def _least(self, required: PlanningProblem, problem: PlanningProblem) -> PlanningProblem:
         """Return what is required of what is known now."""

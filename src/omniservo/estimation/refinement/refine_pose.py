@@ -89,8 +89,8 @@ def refined_matrix(
 
 def _matrix(quaternion: FloatArray, translation: FloatArray) -> FloatArray:
     """Return the pose (4, 4) of a unit quaternion."""
-    rotation, matrix = np.empty((3, 3)), np.eye(4)
+    rotation, matrix = np.empty((3, 3)), np.zeros((4, 4))
     x, y, z, w = quaternion.tolist()
     matrix_from_quaternion(x, y, z, w, rotation)
-    matrix[:3, :3], matrix[:3, 3] = rotation, translation
+    matrix[:3, :3], matrix[:3, 3], matrix[3, 3] = rotation, translation, 1.0
     return matrix
