@@ -27,7 +27,7 @@ LEAST_AREA = 0.1
 """A triangle smaller than this share of the largest one is not used: of a thin one 1/√Δ runs away."""
 
 _ROUND = [0, 1, 2, 0, 1]
-"""A triangle's corners, and the axes, with the first two again: the next ones are a slice then, not a copy."""
+"""A triangle's corners, and the axes, with the first two again: the next ones are then a slice, no copy."""
 _NEXT, _LAST = slice(1, 4), slice(2, 5)
 
 LEAST_TRIANGLES = 3
