@@ -15,6 +15,8 @@ COMPARE = "compare"
 COMPARED = ("certified", "paper", "ibvs")
 """in the order of the comparison"""
 
+Planner = Literal["certified", "paper"]
+
 
 @dataclass(frozen=True)
 class RunMethod:
@@ -24,7 +26,7 @@ class RunMethod:
     """as given to ``--method``; of one from a file ``FILE.CLASS``"""
     title: str
     """in reports"""
-    plans: Literal["certified", "paper"] | None = None
+    plans: Planner | None = None
     """the planner; None: the goal image is the reference from the start"""
     replans: bool = False
     """whether another way is planned where something has changed on the way"""

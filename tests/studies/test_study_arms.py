@@ -183,7 +183,7 @@ def test_wherever_an_arm_is_led_no_joint_leaves_its_range_and_the_limit_is_named
 
 def test_a_plan_is_paced_within_the_speeds_of_the_camera_and_half_of_those_of_the_joints(study, scene):
     start = scene_start(study, scene.number, "fe185")
-    found = planned(study, scene, PACKAGE.method("certified"), start.estimated)
+    found = planned(study, scene, "certified", start.estimated)
     law = found.time_law(study)
     w, speed, change = law.motion(np.linspace(0.0, law.duration, 2001))
     twists = found.plan.path(w, order=1) * speed[:, None]

@@ -41,6 +41,8 @@ def merge_studies(
     if missing:
         named = ", ".join(part_file(Path(), number).name for number in missing[:5])
         raise InputError(f"{len(missing)} of {count} parts are in none of the folders: {named}")
+    for number, holder in found.items():  # what is damaged is named before minutes go into certificates
+        read_part(study, first.version, holder, number)
     (work / "parts").mkdir()
     for number, holder in found.items():
         source = part_file(holder, number)

@@ -38,6 +38,7 @@ def run_by_scheduler(
     client, as_completed = _connected(address)
     study, version = study_of_json(work.study, work.program.names), work.program.version
     waiting = iter(missing)
+    noted: list[dict[str, str]] = []
 
     def handed_out(count: int) -> list[Any]:
         key = study.hash, version
@@ -50,7 +51,9 @@ def run_by_scheduler(
             number, content, machine = _result(future, folder)
             part_of_content(study, version, part_file(folder, number), number, content)
             write_part(folder, number, content)
-            note_machine(folder, machine)
+            if machine not in noted:
+                note_machine(folder, machine)
+                noted.append(machine)
             future.release()  # else the cluster would keep what is written here
             running.update(handed_out(1))
             done(number)

@@ -78,7 +78,7 @@ def controller_of_scene(study: Study, start: SceneStart, program: Program, name:
             options=GoalServoOptions(tolerance, *speeds),
         )  # fmt: skip
         return Led(servo, known.followed, None)
-    found = planned(study, start.scene, method, known)
+    found = planned(study, start.scene, method.plans, known)
     plan = found.plan
     if plan.path is None or (method.plans == "certified" and plan.status != "certified"):
         raise NotLed("not_planned", f"{plan.status}: {plan.reason}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from omniservo.geometry.arrays import FloatArray
 from omniservo.planning import Plan, PlanningProblem, plan_path
 from omniservo.risk import plan_arm_with_risk, plan_with_risk
 from omniservo.robots import Arm, JointPath, follow_path
-from omniservo.run_methods import RunMethod
+from omniservo.run_methods import Planner
 from omniservo.safety.closed_loop import Posture
 from omniservo.servoing import EvenPaceLaw, PathLimits, TimeLaw
 from omniservo.studies.scene_start import Estimated
@@ -89,9 +90,10 @@ def joint_limits(arm: Arm, joints: JointPath) -> PathLimits:
     return PathLimits(joints, _JOINT_SHARE * arm.joint_speed, _JOINT_SHARE * arm.joint_acceleration)
 
 
-def planned(study: Study, scene: StudyScene, method: RunMethod, known: Estimated) -> StudyPlan:
-    """Return the method's plan for what is estimated; it may have no path."""
-    certified = method.plans == "certified"
+@lru_cache(maxsize=1)
+def planned(study: Study, scene: StudyScene, planner: Planner, known: Estimated) -> StudyPlan:
+    """Return the plan for what is estimated, which may have no path: methods of a planner share it."""
+    certified = planner == "certified"
     problem = PlanningProblem(
         scene.camera,  # type: ignore[arg-type]  # of any model: its unified form is taken
         known.points,
