@@ -3,7 +3,8 @@
 Three processes: the simulated arm and its camera behind RTDE and MJPEG, the drive, and this one, which sees,
 plans and tracks. First `omniservo robot delay` measures how late the images are: when they were exposed is
 not told. What is measured is the distance of the true camera at each image's exposure to the place on
-the plan's way where the reference then was, beside the same job in simulated time.
+the plan's way where the reference then was, beside the same job in simulated time, and how far what the run
+takes for the exposures is off them (`benchmarks.stamp_errors` says what that does).
 ``python -m benchmarks.real_loop --pictured TASK`` prints it; ``--serve`` is the first process.
 """
 
@@ -37,15 +38,19 @@ LOOK = 2e-3
 
 
 def serve_until(file: Path, task: Task) -> None:
-    """Serve a task until the file ``end`` is there; then leave times and true joints."""
-    noted = []
+    """Serve a task until the file ``end`` is there; then leave times and true joints, and all exposures."""
+    noted, exposures = [], [0.0]
     with serve(task, "rtde", free_ports=True) as there:
         (file / "robot.tmp").write_text(there.robot_file)
         (file / "robot.tmp").rename(file / "robot.yaml")
         while not (file / "end").exists():
             state = there.robot.read()
             noted.append([state.time, *state.joint_positions])
+            image = there.robot.image()
+            if image is not None and image.time > exposures[-1]:
+                exposures.append(image.time)
             time.sleep(LOOK)
+    np.save(file / "exposures.npy", np.array(exposures))
     np.save(file / "truth.tmp.npy", np.array(noted))
     (file / "truth.tmp.npy").rename(file / "truth.npy")
 
@@ -74,8 +79,8 @@ def served(place: Path, name: str) -> Iterator[subprocess.Popen[bytes]]:
         server.wait()
 
 
-def on_the_wall_clock(name: str) -> tuple[FloatArray, RunResult]:
-    """Return the distances [mm] of a job over processes, and what it came to."""
+def on_the_wall_clock(name: str) -> tuple[FloatArray, FloatArray, RunResult]:
+    """Return the distances [mm] of a job over processes, how far its stamps were off [ms], and its result."""
     task = load_task(name)
     with closing(SimulatedCell(task, 1)) as taught:
         goal = teach_goal(task, taught)
@@ -91,23 +96,25 @@ def on_the_wall_clock(name: str) -> tuple[FloatArray, RunResult]:
             result = run_task(begun, lambda task, seed: cell, goal=goal, filmed=False, recording=recording)
         (place / "end").touch()
         server.wait()
-        truth = np.load(place / "truth.npy")
+        truth, exposures = np.load(place / "truth.npy"), np.load(place / "exposures.npy")
         steps = [e.message for e in RecordedRun(place / "r.mcap") if hasattr(e, "message")]
         times = [m.image_time for m in steps if isinstance(m, StepMessage)]
     joints = np.column_stack([np.interp(times, truth[:, 0], column) for column in truth[:, 1:].T])
     initial = cell.scene.world_T_camera(cell.scene.start_joints).inv()
     places = np.array([(initial * cell.scene.world_T_camera(q)).translation for q in joints])
-    return off_the_way(result, places), result
+    nearest = np.abs(np.subtract.outer(times, exposures)).argmin(axis=1)
+    return off_the_way(result, places), 1e3 * (np.array(times) - exposures[nearest]), result
 
 
 def pictured_row(name: str) -> str:
     """Return a row of the table."""
     reference = run_task(load_task(name), SimulatedCell, filmed=False)
     simulated = off_the_way(reference, reference.log.column("true_position"))
-    found, result = on_the_wall_clock(name)
+    found, off, result = on_the_wall_clock(name)
     figures = " | ".join(f"{np.sqrt((x**2).mean()):.2f} / {x.max():.2f}" for x in (simulated, found))
     end = result.log.stop_reason or "goal"
-    return f"| {name} | {len(found)} | {figures} | {end} | {os.getloadavg()[0]:.0f} |"
+    stamps = f"{off.mean():+.1f} ± {off.std():.1f}"
+    return f"| {name} | {len(found)} | {figures} | {stamps} | {end} | {os.getloadavg()[0]:.0f} |"
 
 
 if __name__ == "__main__":

@@ -8,9 +8,9 @@ A run is three processes: the arm (`benchmarks.mapped_arm`), the drive (`omniser
 which `servo` follows a path of 14 cm in 2.5 s on projected points, and which does not give up: after a stop
 it goes on sending twists. All are forks of one loaded process, so a run costs no import; where the names of
 joints are the fault, or a second program that commands the arm, it is behind ROS 2 topics in place of a
-mapped file. The fault comes at a random
-0.2 to 1 s of the motion and stays until the arm has rested for 0.3 s, and no longer waits for images; then
-data are sound again, stopped processes go on, and 0.4 s later it is judged:
+mapped file. The fault comes at a random 0.2 to 1 s of the motion and stays until the arm has rested for
+0.3 s, and no longer waits for images; then data are sound again, stopped processes go on, and 0.4 s later it
+is judged:
 
 - **late**: not at rest (a joint faster than 0.01 rad/s) within 0.15 s, the life of a command, and the time in
   which the arm brakes from the fastest that it was since the fault; for want of images within 0.25 s, their
@@ -222,6 +222,7 @@ def lead(file: str, domain: int) -> None:
     Path(f"{file}.end").write_text("goal" if end is None else end.reason, encoding="utf-8")
     while end is not None:
         with suppress(OmniservoError):
+            client.image()
             client.carry([0.03, 0.0, 0.0, 0.0, 0.0, 0.0])
         time.sleep(0.02)
 

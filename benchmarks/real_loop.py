@@ -274,8 +274,8 @@ def main() -> None:
                     f"{os.getloadavg()[0]:.0f} |", flush=True,
                 )  # fmt: skip
     if asked.pictured:
-        print("\n| pictures by MJPEG | images | simulated rms / max [mm] | rms / max [mm] | end | load |")
-        print("|---|---|---|---|---|---|")
+        heads = "images | simulated rms / max [mm] | rms / max [mm] | stamps off [ms] | end | load"
+        print(f"\n| pictures by MJPEG | {heads} |\n|---|---|---|---|---|---|---|")
         for _ in range(asked.runs):
             print(pictured_row(asked.pictured), flush=True)
 

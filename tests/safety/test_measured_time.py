@@ -29,6 +29,31 @@ def on_clock(arm, scene, written):
     return make
 
 
+def test_what_was_about_to_be_sent_when_the_process_slept_is_not_sent(on_clock, written, monkeypatch):
+    supervisor = on_clock()
+    supervisor.command(SLOW)
+    supervisor.wait(0.1)
+    check, count = supervisor._following.check, len(written.commands)
+    monkeypatch.setattr(
+        supervisor._following, "check", lambda history: (check(history), written.advance(0.5))
+    )
+    with pytest.raises(StaleJoints):
+        supervisor.wait(0.1)
+    assert (len(written.commands), written.stops) == (count, 1)
+
+
+def test_a_process_that_slept_while_it_braked_does_not_go_on_braking_from_where_the_arm_no_longer_is(
+    on_clock, written
+):
+    supervisor = on_clock()
+    supervisor.command(SLOW)
+    supervisor.wait(0.3)
+    count, advance = len(written.commands), written.advance
+    written.advance = lambda duration: advance(duration + (0.5 if len(written.commands) > count else 0.0))
+    supervisor.stop()
+    assert (len(written.commands), written.stops) == (count + 1, 1)
+
+
 def test_durations_are_measured_and_not_counted(on_clock, written):
     supervisor, begin = on_clock(late=3 * TICK), written.robot.time
     supervisor.command(0.1 * SLOW)

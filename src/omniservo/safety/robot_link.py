@@ -102,16 +102,17 @@ class RobotLink:
         self._driver, self._camera, self._wait, self._dof = driver, CameraLink(camera), wait, dof
         self._clock = clock
         self._time, self._waited = -np.inf, 0.0
-
-    @property
-    def clocked(self) -> bool:
-        """Whether time passes beside what is waited for."""
-        return self._clock is not None
+        self._commanded = -np.inf
 
     @property
     def now(self) -> float:
         """This instant on the clock of joints and images [s]: of the last reading where time stands else."""
         return self._time if self._clock is None else self._clock()
+
+    @property
+    def silence(self) -> float:
+        """So long the arm was sent nothing [s]; 0 where time stands beside what is waited for."""
+        return 0.0 if self._clock is None else self._clock() - self._commanded
 
     def read(self) -> RobotState:
         """Return the joints as they are now, in arrays of their own.
@@ -165,6 +166,7 @@ class RobotLink:
         Raises:
             RobotLost: the driver raised.
         """
+        self._commanded = self.now
         _answered("command", lambda: self._driver.command(joint_velocities))
 
     def stop(self) -> None:

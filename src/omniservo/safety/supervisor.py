@@ -13,6 +13,7 @@ import numpy.typing as npt
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import (
+    ConnectionLost,
     InputError,
     InvalidData,
     NotFinite,
@@ -279,13 +280,13 @@ class Supervisor:
         self.stopped = self.stopped or reason
         self._target, self._carried = np.zeros(self.arm.dof), None
         # After a silence of this program the arm may rest by its own watchdog: it is not led from there.
-        silent = self._link.clocked and self._link.now - self._sent_time > self.options.reaction
-        obeys = not silent and not isinstance(reason, ProtectiveStop | NotInControl)
+        obeys = not isinstance(reason, ProtectiveStop | NotInControl)
         try:
             try:
-                while obeys and self._sent.any():
+                while obeys and self._sent.any() and not self._silent:
                     self._link.wait(TICK)
-                    self._brake_on()
+                    if not self._silent:
+                        self._brake_on()
             finally:
                 self._sent = np.zeros(self.arm.dof)
                 self.history.sent(self._sent)
@@ -304,6 +305,11 @@ class Supervisor:
             self.stop()
         finally:
             self._link.close()
+
+    @property
+    def _silent(self) -> bool:
+        """Whether the arm was sent nothing for so long that its own watchdog may have stopped it."""
+        return self._link.silence > self.options.reaction
 
     def _brake_on(self) -> None:
         """Lead the joints one tick nearer to rest."""
@@ -393,6 +399,7 @@ class Supervisor:
         self._following.check(self.history)
         if not np.isfinite(velocities).all():  # whatever went wrong on the way here
             raise NotFinite(f"the command {velocities.tolist()} rad/s; it was not sent")
+        self._link.refuse_old(state, self.options.joint_age)  # this process may have slept on the way here
         self._seen_time = state.time
         self._sent, self._sent_time = velocities, state.time  # first: it may move though the call fails
         self._link.command(velocities)
@@ -418,5 +425,7 @@ def as_stop(error: BaseException) -> ServoStop:
     """Return what an error stops the robot for."""
     if isinstance(error, ServoStop):
         return error
+    if isinstance(error, SystemExit):
+        return ConnectionLost("the program that commands the arm ends")
     kind = InvalidData if isinstance(error, InputError) else ServoStop
     return kind(f"{type(error).__name__}: {error}")
