@@ -19,9 +19,9 @@ from omniservo.perception.features import Features
 from omniservo.perception.find_dots import check_image
 from omniservo.perception.find_features import find_features
 from omniservo.perception.find_tags import find_tags
-from omniservo.perception.guided_matches import guided_matches
 from omniservo.perception.match_features import FeatureMatch, match_features
 from omniservo.perception.natural_kind import NaturalKind, matched_points
+from omniservo.perception.refine_matches import refine_matches
 from omniservo.perception.smear_length import smear_length
 from omniservo.perception.tag_kind import TagKind, corner_sigmas
 
@@ -156,7 +156,7 @@ def _natural_pairs(
         swapped = counts[b] > counts[a]
         root, other = (b, a) if swapped else (a, b)
         turned = FeatureMatch(match.pairs[:, ::-1].copy(), match.status, match.reason) if swapped else match
-        refined = guided_matches(camera, images[root], images[other], features[root], features[other], turned)
+        refined = refine_matches(camera, images[root], images[other], features[root], features[other], turned)
         if refined.status == "ok":
             pairs.append(_Pair(root, other, matched_points(refined)))
         else:
