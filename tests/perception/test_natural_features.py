@@ -6,7 +6,17 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from textured_scenes import Plate, facing_plate, picture, pose, relief, rough_texture, seen_again, tiles
+from textured_scenes import (
+    Plate,
+    corner,
+    facing_plate,
+    picture,
+    pose,
+    relief,
+    rough_texture,
+    seen_again,
+    tiles,
+)
 
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
@@ -83,16 +93,16 @@ def test_few_pairs_among_many_features_are_too_few_unless_they_agree_on_one_moti
     assert f"{least} are needed" in few.reason
 
 
-def test_the_motion_of_clear_pairs_finds_half_as_many_more_of_a_turned_camera():
-    rng, there = np.random.default_rng(5), pose([0.4, 0.1, 0.1], [5, -40, 30])
-    plates = relief(rng)
+def test_the_motion_of_clear_pairs_finds_a_third_more_of_a_turned_camera():
+    rng, there = np.random.default_rng(5), pose([0.5, 0.1, 0.1], [5, -50, 30])
+    plates = corner(rng)
     initial, goal = (picture(CAMERA, plates, w, rng, rays=2) for w in (HERE, there))
     a, b = find_features(initial, CAMERA), find_features(goal, CAMERA)
     clear = refine_matches(CAMERA, initial, goal, a, b, match_features(a, b))
     match = match_images(CAMERA, initial, goal)
     known = {tuple(p) for p in clear.initial.pixels}
     added = np.array([tuple(p) not in known for p in match.initial.pixels])
-    assert len(match) > 1.4 * len(clear)
+    assert len(match) > 1.3 * len(clear)
     distance = np.linalg.norm(offsets(plates, match, there), axis=1)
     assert (distance[added] < 1.0).mean() > 0.9
     assert (distance < 1.0).mean() > 0.97

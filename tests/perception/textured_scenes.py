@@ -125,6 +125,15 @@ def relief(rng):
     ]
 
 
+def corner(rng):
+    """Two walls that meet before the camera, and the floor."""
+    return [
+        Plate(pose([-0.35, 0.0, 0.7], [0, -50, 0]), (0.8, 0.8), rough_texture(rng), 0.004),
+        Plate(pose([0.35, 0.0, 0.7], [0, 50, 0]), (0.8, 0.8), rough_texture(rng), 0.004),
+        Plate(pose([0.0, 0.4, 0.6], [70, 0, 0]), (0.9, 0.6), rough_texture(rng), 0.004),
+    ]
+
+
 def tiles(rng, period):
     """A texture (1024, 1024) that repeats every ``period`` texels."""
     return np.tile(rough_texture(rng, period, power=0.6), (1024 // period, 1024 // period))

@@ -110,7 +110,7 @@ def test_what_the_flange_carries_is_kept_off_the_link_before_it():
     bar = Solid.box("bracket", RigidTransform.from_translation([0.045, 0.0, -0.11]), [0.01, 0.01, 0.05])
     found = bracket_turned(arm, bar, start=start, mount=mount)
     assert not found.certified
-    assert "camera and wrist_2 overlap by 7.65 mm" in found.plan.reason
+    assert "camera and wrist_2 overlap by 5.40 mm" in found.plan.reason
     aside = Solid.box("bracket", RigidTransform.from_translation([0.09, 0.0, -0.11]), [0.01, 0.01, 0.05])
     assert bracket_turned(arm, aside, start=start, mount=mount).certified
 

@@ -17,7 +17,7 @@ def written(folder, inner="", asset="", top=""):
 
 REFUSED = {
     "a document type": ({"top": ""}, "DOCTYPE", "<!DOCTYPE x [<!ENTITY a 'b'>]>"),
-    "an include outside": ({"top": "<include file='../other.xml'/>"}, "inside the file's folder", ""),
+    "an include outside": ({"top": "<include file='../../other.xml'/>"}, "inside the file's folder", ""),
     "an include of itself": ({"top": "<include file='scene.xml'/>"}, "included twice; once is legal", ""),
     "a texture outside": ({"asset": "<texture type='2d' file='/etc/passwd'/>"}, "inside the file's", ""),
     "a texture that is none": ({"asset": "<texture type='2d' file='scene.xml'/>"}, "not an image", ""),

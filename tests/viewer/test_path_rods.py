@@ -1,4 +1,7 @@
+import io
+
 import numpy as np
+import trimesh
 from scipy.spatial.transform import Rotation
 
 from omniservo.viewer.path_rods import PathRods
@@ -14,8 +17,9 @@ class Scene:
         self.added[name] = Node(given["visible"])
         return self.added[name]
 
-    def add_mesh_simple(self, name, vertices, faces, **given):
-        self.lengths.append(np.ptp(vertices[:, 2]))
+    def add_glb(self, name, file):
+        (shape,) = trimesh.load(io.BytesIO(file), file_type="glb").geometry.values()
+        self.lengths.append(np.ptp(shape.vertices[:, 2]))
         self.added[name] = Node(True)
         return self.added[name]
 

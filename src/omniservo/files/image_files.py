@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -77,7 +78,7 @@ def write_png(image: npt.NDArray[np.uint8], path: str | Path, *, force: bool = F
 
 @contextmanager
 def _opened(path: str | Path) -> Iterator[Any]:
-    if Path(path).is_dir():
+    if os.path.isdir(path):  # it takes any name
         raise InputError(f"{path}: a folder; legal: images, as in {path}/*.png")
     data = read_bytes(path, max_bytes=MOST_BYTES)
     try:

@@ -29,6 +29,8 @@ BAND_PX = 1.5
 FALSE_ALARMS = 1e-6
 LEAST_CHANCE = 1e-3
 ROUNDS = 3
+_OF_PLANE = 4
+"""pairs that give a homography"""
 
 
 class Agreement(NamedTuple):
@@ -70,6 +72,43 @@ def agreeing_pairs(
             break
         matrix, members = again[0], more
     return Agreement(members, matrix) if _chance(matrix, (x, y), members, band) < FALSE_ALARMS else None
+
+
+def share_on_one_plane(camera: CentralModel, initial: FloatArray, goal: FloatArray) -> float:
+    """Return which share of pairs, 0 to 1, one homography explains as well as `agreeing_pairs` asks.
+
+    A plane's pairs leave many motions: what agrees with one of them is no evidence for it. The arguments are
+    those of `agreeing_pairs`.
+    """
+    x, y = camera.unproject(initial)[0], camera.unproject(goal)[0]
+    band = BAND_PX * 0.5 * (radians_per_pixel(camera, initial) + radians_per_pixel(camera, goal))
+    rng = np.random.default_rng(0)
+    samples = rng.random((SAMPLES, len(x))).argpartition(_OF_PLANE, axis=1)[:, :_OF_PLANE]
+    matrices = _homographies(x[samples], y[samples])
+    best = matrices[int((_gaps(matrices, x, y) < band).mean(axis=1).argmax())]
+    share = 0.0
+    for _ in range(ROUNDS):
+        members = (_gaps(best[None], x, y) < band)[0]
+        if members.mean() <= share or np.count_nonzero(members) < _OF_PLANE:
+            break
+        share, best = float(members.mean()), _homographies(x[None, members], y[None, members])[0]
+    return share
+
+
+def _homographies(x: FloatArray, y: FloatArray) -> FloatArray:
+    """Matrices H (m, 3, 3) with y × Hx ≈ 0, of bearings (m, k, 3), k ≥ 4, least squares."""
+    cross = np.cross(np.eye(3), y[:, :, None, :])
+    rows = (cross[..., None] * x[:, :, None, None, :]).reshape(len(x), -1, 9)
+    _, vectors = np.linalg.eigh(np.swapaxes(rows, 1, 2) @ rows)
+    return np.asarray(vectors[:, :, 0].reshape(-1, 3, 3))
+
+
+def _gaps(matrices: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
+    """Angles (m, n) [rad] between the goal's bearings and where homographies have them."""
+    there = x @ np.swapaxes(matrices, 1, 2)
+    there /= np.maximum(np.linalg.norm(there, axis=2, keepdims=True), 1e-12)
+    cosine = np.abs((there * y).sum(axis=2))  # a homography's sign is free
+    return np.asarray(np.arctan2(np.linalg.norm(np.cross(there, y), axis=2), cosine))
 
 
 def _chance(

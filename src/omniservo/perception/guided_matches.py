@@ -11,7 +11,7 @@ import numpy as np
 
 from omniservo.cameras.models import CentralModel
 from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray
-from omniservo.perception.agreeing_pairs import agreeing_pairs, radians_per_pixel
+from omniservo.perception.agreeing_pairs import agreeing_pairs, radians_per_pixel, share_on_one_plane
 from omniservo.perception.features import Features
 from omniservo.perception.match_features import FeatureMatch, match_near
 from omniservo.perception.refine_matches import ImageMatch, refine_matches
@@ -20,6 +20,8 @@ LEAST_GUIDES = 16
 """So many pairs that agree on one motion beyond chance tell where others are."""
 ENOUGH = 300
 """Of so many matches the camera's error decides how exact the motion is, not their number."""
+MOST_ON_ONE_PLANE = 0.75
+"""A plane's pairs leave the motion uncertain: others that are found by it would agree with a wrong one."""
 BAND_PX = 2.5
 """from the epipolar circles: what the motion of two dozen pairs leaves uncertain of them"""
 
@@ -34,14 +36,17 @@ def guided_matches(
 ) -> ImageMatch:
     """Refine matched features, and what is found beside them near the epipolar circles of those that agree.
 
-    See `refine_matches`, which has the same arguments. Nothing is looked for where `ENOUGH` are found, or
-    where fewer than `LEAST_GUIDES` agree on one motion beyond chance.
+    See `refine_matches`, which has the same arguments. Nothing is looked for where `ENOUGH` are found,
+    where fewer than `LEAST_GUIDES` agree on one motion beyond chance, or where most of them are of one plane.
     """
     found = refine_matches(camera, image_initial, image_goal, initial, goal, match)
     if found.status != "ok" or len(found) >= ENOUGH:
         return found
     agreement = agreeing_pairs(camera, found.initial.pixels, found.goal.pixels, LEAST_GUIDES)
     if agreement is None:
+        return found
+    pixels = (found.initial.pixels[agreement.members], found.goal.pixels[agreement.members])
+    if share_on_one_plane(camera, *pixels) > MOST_ON_ONE_PLANE:
         return found
     more = match_near(initial, goal, _near_circles(camera, initial, goal, agreement.essential))
     pairs = np.unique(np.concatenate([match.pairs, more]), axis=0)
