@@ -20,7 +20,7 @@ LEAST_GUIDES = 16
 """So many pairs that agree on one motion beyond chance tell where others are."""
 ENOUGH = 300
 """Of so many matches the camera's error decides how exact the motion is, not their number."""
-MOST_ON_ONE_PLANE = 0.75
+MOST_ON_ONE_PLANE = 0.9
 """A plane's pairs leave the motion uncertain: others that are found by it would agree with a wrong one."""
 BAND_PX = 2.5
 """from the epipolar circles: what the motion of two dozen pairs leaves uncertain of them"""
