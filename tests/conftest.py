@@ -5,8 +5,6 @@ from pathlib import Path
 
 import pytest
 
-gc.set_threshold(20_000, 20, 20)  # as the command has it: counts free nearly all
-
 
 def pytest_collection_finish() -> None:
     """Let the collector pass over what is loaded: every collection would go through all tests again."""
