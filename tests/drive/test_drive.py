@@ -18,7 +18,7 @@ from omniservo.robots import Arm
 from omniservo.safety import SafetyOptions
 
 SIDEWAYS = np.array([0.03, 0.0, 0.0, 0.0, 0.0, 0.0])
-PATIENT = {"joint_age": 1.0, "reaction": 1.0, "image_age": 2.0}
+PATIENT = {"joint_age": 2.0, "reaction": 2.0, "image_age": 5.0}
 """for machines that do much besides; that the limits hold is shown in simulated time"""
 
 
@@ -246,7 +246,7 @@ def kept(tmp_path_factory, camera):
     folder = tmp_path_factory.mktemp("kept")
     client = DriveClient(
         ArmOpener(FaultyArm, {"folder": str(folder)}), Arm.rx60(), MOUNT, camera=camera,
-        options=SafetyOptions(**(PATIENT | {"joint_age": 0.3})), command_life=1.0,
+        options=SafetyOptions(**(PATIENT | {"joint_age": 1.5})), command_life=2.0,
     )  # fmt: skip
     yield client, folder
     client.close()
