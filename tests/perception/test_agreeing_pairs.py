@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from omniservo.cameras import preset
-from omniservo.perception.agreeing_pairs import agreeing_pairs
+from omniservo.perception.agreeing_pairs import agreeing_pairs, share_on_one_plane
 
 CAMERA = preset("fe185")
 
@@ -45,3 +45,12 @@ def test_a_few_right_pairs_among_many_wrong_ones_are_not_believed():
 def test_a_plane_agrees_too_and_fewer_than_forty_never_do():
     assert agreeing_pairs(CAMERA, *pairs(np.random.default_rng(0), 50, 5, flat=True)) is not None
     assert agreeing_pairs(CAMERA, *pairs(np.random.default_rng(0), 39, 0)) is None
+
+
+@pytest.mark.parametrize("share", [0.4, 0.7, 1.0])
+def test_the_share_of_pairs_on_one_plane_is_counted(share):
+    for seed in range(5):
+        flat = pairs(np.random.default_rng(seed), round(60 * share), 0, flat=True)
+        deep = pairs(np.random.default_rng(seed + 100), 60 - round(60 * share), 0)
+        found = share_on_one_plane(CAMERA, *(np.vstack(both) for both in zip(flat, deep, strict=True)))
+        assert share - 0.02 < found < share + 0.15

@@ -33,7 +33,7 @@ def grouped(command: Callable[..., None]) -> Callable[..., None]:
         }
         command(**{p.name: values[p.name] for p in own}, **objects)
 
-    called.__signature__ = Signature(list(given.values()))  # type: ignore[attr-defined]
+    called.__dict__["__signature__"] = Signature(list(given.values()))
     called.__annotations__ = {name: p.annotation for name, p in given.items()}
     return called
 

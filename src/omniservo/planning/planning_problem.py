@@ -96,11 +96,9 @@ class PlanningProblem:
         given: Any = self.camera
         if not isinstance(given, CentralModel):
             raise InputError(f"camera: {type(given).__name__} given; a camera of any model is needed")
-        object.__setattr__(self, "_cost", "")
-        if not isinstance(given, UnifiedCamera):
-            conversion = to_unified(given)
-            object.__setattr__(self, "camera", conversion.camera)
-            object.__setattr__(self, "_cost", conversion.cost)
+        conversion = to_unified(given)
+        object.__setattr__(self, "camera", conversion.camera)
+        object.__setattr__(self, "_cost", conversion.cost)
 
     @property
     def image_margin(self) -> float:

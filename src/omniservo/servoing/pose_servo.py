@@ -55,7 +55,7 @@ class PoseServo:
 
     def error(self, seen: ServoMeasurement) -> tuple[FloatArray, FloatArray]:
         """Return e (6,) in m and rad, and its interaction matrix L (6, 6)."""
-        pose, turn = seen.matrix, seen.turn
+        pose, turn = seen.pose_matrix, seen.turn
         matrix = np.zeros((6, 6))
         matrix[3:, 3:] = rotation_vector_interaction(turn)
         if self.options.translation == "camera":

@@ -27,18 +27,18 @@ class ServoMeasurement:
     """(n, 3) likewise in the camera frame of the goal image"""
     goal_distances: FloatArray
     """(n,) [m], by the pose that explains the goal image"""
-    matrix: FloatArray
+    pose_matrix: FloatArray
     """(4, 4) of ``goal_T_camera``"""
 
     @cached_property
     def goal_T_camera(self) -> RigidTransform:
         """The camera's pose in the camera frame of the goal image, by these two poses [m]."""
-        return RigidTransform(self.matrix, normalize=False)
+        return RigidTransform(self.pose_matrix, normalize=False)
 
     @cached_property
     def turn(self) -> FloatArray:
         """θu (3,), the rotation vector of goal_R_camera [rad]."""
-        return rotation_vector(self.matrix[:3, :3])
+        return rotation_vector(self.pose_matrix[:3, :3])
 
     @property
     def points(self) -> FloatArray:

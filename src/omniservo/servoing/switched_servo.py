@@ -62,7 +62,7 @@ class SwitchedServo:
             FeatureLoss, SingularInteraction: as `ImageServo`.
         """
         by_image, by_pose = self._image.error(seen), self._pose.error(seen)
-        away = np.linalg.norm(seen.matrix[:3, 3]) / seen.goal_distances.mean()
+        away = np.linalg.norm(seen.pose_matrix[:3, 3]) / seen.goal_distances.mean()
         size: dict[Mode, float] = {
             "image": float(np.sqrt(np.mean(by_image[0] ** 2))),
             "pose": float(np.hypot(away, np.linalg.norm(seen.turn))),

@@ -91,8 +91,8 @@ def _beyond(pose: str, passed: tuple[str, ...], before: list[tuple[float, str]])
         return ""
     short = min(before)[1] if before else "it is out of reach, or a joint's range ends"
     return (
-        f"the {pose} pose is free only beyond a singularity ({', '.join(passed)}), where no camera is led; "
-        f"without one {short}"
+        f"the {pose} pose is free only beyond a singularity ({', '.join(passed)}), "
+        f"through which no plan leads; without one {short}"
     )
 
 
