@@ -8,7 +8,8 @@ import pytest
 from tests.runs.changed_task import DrawingRobot, DrawnCell, UnfilmedTruth, shipped, written
 from tests.runs.test_tube_of_task import folder, task_with  # noqa: F401
 
-from omniservo.runs import run_task
+from omniservo.recording import RunRecording
+from omniservo.runs import replay_run, run_task
 from omniservo.runs.safety_of_task import path_room_of, safety_of_task
 from omniservo.runs.task_gaps import TaskGaps
 from omniservo.simulation.projected_dots import ProjectedDots
@@ -42,8 +43,8 @@ class PushedCell(DrawnCell):
             self.truth = UnfilmedTruth(self.robot)
 
 
-def pushed():
-    return run_task(load_task("whole-arm-2"), PushedCell, filmed=False)
+def pushed(recording=None):
+    return run_task(load_task("whole-arm-2"), PushedCell, filmed=False, recording=recording)
 
 
 def test_a_target_that_is_pushed_along_the_line_of_sight_stops_the_run_by_name_before_anything_is_touched():
@@ -57,19 +58,25 @@ def test_a_target_that_is_pushed_along_the_line_of_sight_stops_the_run_by_name_b
 @pytest.fixture
 def roomless(monkeypatch):
     """The camera may be anywhere beside its path."""
-    monkeypatch.setattr(
-        sys.modules["omniservo.runs.run_task"],
-        "safety_of_task",
-        lambda task: replace(safety_of_task(task), path_room=None),
-    )
+    for module in ("run_task", "replay_run"):
+        monkeypatch.setattr(
+            sys.modules[f"omniservo.runs.{module}"],
+            "safety_of_task",
+            lambda task: replace(safety_of_task(task), path_room=None),
+        )
 
 
-def test_without_the_room_the_gaps_of_all_bodies_stop_the_same_run_before_anything_is_touched(roomless):
-    result = pushed()
+def test_without_the_room_the_gaps_of_all_bodies_stop_the_same_run_before_anything_is_touched(
+    roomless, tmp_path
+):
+    with RunRecording(tmp_path / "run.mcap") as recording:
+        result = pushed(recording)
     metrics = result.metrics
     assert (metrics["status"], result.log.stop_reason, metrics["contacts"]) == ("stopped", "too_near", [])
     assert "at least 2.5 mm are kept" in metrics["reason"]
     assert metrics["arm_clearance_executed_m"] >= 0.0025
+    replay = replay_run(tmp_path / "run.mcap")
+    assert (replay.ended, replay.differences) == ("too_near", ())
 
 
 def test_without_room_and_gaps_the_same_push_ends_in_a_contact(roomless, monkeypatch):

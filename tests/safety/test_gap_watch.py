@@ -48,3 +48,16 @@ def test_the_cases_above_are_of_all_three_kinds():
     end = Q + stopping_distance(SPEED, ARM.joint_acceleration, REACTION)
     kinds = {(least_gap(post(gap), Q) >= KEPT, least_gap(post(gap), end) >= KEPT) for gap in GAPS}
     assert {(True, True), (True, False), (False, False)} <= kinds
+
+
+def test_what_would_be_passed_while_braking_is_seen_before():
+    """Where the arm stands and where it would come to rest there is room; half way there stands a stick."""
+    velocities = 5.0 * SPEED
+    end = Q + stopping_distance(velocities, ARM.joint_acceleration, REACTION)
+    hand = ARM.base_T_flange(0.5 * (Q + end)).translation
+    stick = Solid.sphere("stick", hand, 0.01)
+    assert min(least_gap(stick, Q), least_gap(stick, end)) > KEPT
+    watch = GapWatch(ArmBodies(ARM, surroundings=[stick]), KEPT, REACTION)
+    watch.check(RobotState(0.0, Q, 0.0 * velocities))
+    with pytest.raises(TooNear, match="stick would come to rest"):
+        watch.check(RobotState(0.0, Q, velocities))

@@ -1,16 +1,19 @@
 """Arms in studies: where they stand, how they move the camera, and what is said of them."""
 
 import pickle
+from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import trimesh
+from scipy.optimize import brentq
 from scipy.spatial.transform import RigidTransform
 from tests.robots.urdf_arms import urdf
 from tests.studies.conftest import rows_of, written
 
-from omniservo.errors import InputError
+from omniservo.errors import Blocked, InputError
+from omniservo.planning import Sphere
 from omniservo.reporting.study_report import study_html
 from omniservo.studies import (
     PACKAGE,
@@ -28,6 +31,7 @@ from omniservo.studies.closed_loop import ClosedLoop
 from omniservo.studies.free_carrier import HOLD, FreeCarrier
 from omniservo.studies.load_study import study_of_json
 from omniservo.studies.placed_arm import MountError
+from omniservo.studies.replanned_tracker import ReplannedTracker
 from omniservo.studies.scene_start import scene_start
 from omniservo.studies.study_camera import StudyCamera
 from omniservo.studies.study_controller import Led
@@ -36,6 +40,7 @@ from omniservo.studies.study_plan import planned
 from omniservo.studies.study_row import scored
 from omniservo.studies.study_scene import NoScene, draw_scene, generators
 from omniservo.studies.trajectory import Trajectory
+from omniservo.tracking import PathTracker
 
 NEAR = {
     "start": "{rotation: {uniform: [5, 40]}, distance_ratio: {uniform: [0.9, 1.2]}}",
@@ -199,6 +204,33 @@ def test_a_plan_is_paced_within_the_speeds_of_the_camera_and_half_of_those_of_th
     assert max(shares.values()) <= 1.01
     assert max(shares.values()) > 0.5 or law.duration == 2.0
     assert found.joints(0.0) == pytest.approx(scene.arm.start, abs=1e-6)
+
+
+@pytest.mark.parametrize(("share", "goes_on"), [(0.7, True), (0.3, False)])
+def test_a_ball_that_comes_near_leaves_links_half_their_room_or_stops_them(study, scene, share, goes_on):
+    known = scene_start(study, scene.number, "fe185").estimated
+    found = planned(study, scene, "certified", known)
+    law, goal_pixels = found.time_law(study), known.goal_pixels
+    tracker = PathTracker(found.plan, scene.camera, goal_pixels=goal_pixels, time_law=law)
+    replanned = ReplannedTracker(study, scene, tracker, found)
+    bodies = found.setting.bodies(())
+    forearm = bodies.corners(scene.arm.start)[bodies.shapes_of("forearm")].mean(axis=(0, 1))
+
+    def ball(lifted):
+        centre = forearm + np.array([0.0, 0.0, lifted])
+        return Sphere(found.setting.base_T_initial.inv().apply(centre), 0.01)
+
+    def excess(lifted):
+        among = found.setting.bodies((ball(lifted),))
+        among.place(scene.arm.start)
+        gaps = [among.measure(k) for k in range(len(among.pairs)) if "obstacle 0" in among.names(k)]
+        return min(gaps) - share * found.setting.clearance
+
+    replanned.set_obstacles((ball(brentq(excess, 0.05, 0.5)),))
+    pixels, seen = scene.camera.project(known.points)
+    with nullcontext() if goes_on else pytest.raises(Blocked, match="obstacles changed"):
+        replanned.step(0.0, pixels, seen)
+    assert len(replanned.events) == 1
 
 
 def test_a_link_in_the_floor_is_a_collision_though_no_ball_is_near(study, scene):

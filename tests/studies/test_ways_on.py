@@ -18,3 +18,11 @@ def test_what_a_plan_keeps_besides_stops_no_camera_on_its_way(study, row, what):
     assert found.status == "converged", what
     assert found.success
     assert not found.collision
+
+
+def test_a_scene_s_methods_follow_each_a_plan_of_its_own_planner():
+    study = load_study("quick")
+    certified, paper = (run_row(study, number).row for number in (160, 161))
+    assert (certified.method, paper.method, paper.scene) == ("certified", "paper", certified.scene)
+    assert (certified.status, certified.collision) == ("converged", False)
+    assert (paper.status, paper.collision) == ("converged", True)

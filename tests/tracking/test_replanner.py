@@ -326,6 +326,27 @@ def test_an_estimate_that_leaves_its_tube_is_planned_for_again(time):
     assert seen[0] == pytest.approx(seen[1], abs=1e-3)
 
 
+def test_an_estimate_that_leaves_its_tube_only_later_is_noticed_then():
+    """What was judged of one estimate is not said of the next: noisy images move points and goal."""
+    random, tube, times = np.random.default_rng(0), 0.05, np.arange(0.0, 1.0, 0.02)
+    truly = POINTS + random.normal(size=POINTS.shape) * 0.002
+
+    def seen(pose, sigma):
+        return CAMERA.project(pose.inv().apply(truly))[0] + random.normal(size=(len(POINTS), 2)) * sigma
+
+    goal, initial = seen(GOAL, 0.5), seen(RigidTransform.identity(), 0.5)
+    tracker = PathTracker(PLAN, CAMERA, time_law=LAW, goal_pixels=goal, initial_pixels=initial)
+    replanner = Replanner(tracker, PLAN, options=ReplanOptions(tube=tube))
+    for time in times:
+        tracker.step(time, seen(reference(tracker, time)[0], 0.3), np.ones(len(POINTS), dtype=bool))
+        if replanner.change > tube:
+            break
+        assert replanner.look(time) is None
+    assert times[0] < time < times[-1]
+    event = replanner.look(time)
+    assert (event.cause, event.outcome) == ("estimate", "replanned")
+
+
 def test_a_leg_that_does_not_go_on_from_here_is_refused():
     tracker, _ = following()
     s, _ = LAW(1.0)

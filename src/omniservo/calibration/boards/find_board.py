@@ -14,6 +14,7 @@ from omniservo.calibration.boards.find_checkerboard import checkerboard_corners,
 from omniservo.calibration.boards.find_circles import find_circles
 from omniservo.calibration.boards.find_tagged import (
     aprilgrid_corners,
+    charuco_corners,
     find_aprilgrid,
     find_charuco,
 )
@@ -58,7 +59,7 @@ def _found(grey: ByteArray, board: Board, camera: CentralModel | None) -> tuple[
     if isinstance(board, Checkerboard):
         return find_checkerboard(grey, board, mirrored=mirrored), checkerboard_corners(grey, board)
     if isinstance(board, CharucoBoard):
-        return find_charuco(grey, board)
+        return find_charuco(grey, board), charuco_corners(grey, board)
     if isinstance(board, AprilGrid):
         return find_aprilgrid(grey, board), aprilgrid_corners(grey, board)
     if isinstance(board, CircleGrid):

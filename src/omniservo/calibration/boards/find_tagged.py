@@ -20,11 +20,11 @@ _LEAST_CORNERS = 4
 _LEAST_AGREEING = 0.5  # share of the markers: with fewer the board is another one
 
 
-def _charuco_corners(image: ByteArray, board: CharucoBoard, legacy: bool) -> Corners:
+def charuco_corners(image: ByteArray, board: CharucoBoard) -> Corners:
     """Return the board's places, where nothing is known yet."""
     # bright squares are one-coloured up to their marker, so a corner's window is a cross
     margin = 0.5 * (1.0 - board.marker / board.square)
-    signs = 1.0 - 2.0 * ((board.places.sum(axis=1) + legacy) % 2)
+    signs = 1.0 - 2.0 * (board.places.sum(axis=1) % 2)  # of one image all may be the other way round
     return Corners(image, board.places, signs, (_ALONG, _WITHIN * margin))
 
 
@@ -35,24 +35,20 @@ def aprilgrid_corners(image: ByteArray, board: AprilGrid, border: int = 1) -> Co
     return Corners(image, board.places, signs, (_WITHIN * board.ratio, _WITHIN * strip))
 
 
-def find_charuco(image: ByteArray, board: CharucoBoard) -> tuple[BoardView, Corners]:
+def find_charuco(image: ByteArray, board: CharucoBoard) -> BoardView:
     """Find the chessboard corners of a ChArUco board, also of a part of it and of its mirror image.
 
     A board with an even number of rows is read as OpenCV printed it before 4.6 where more markers are there.
-
-    Returns:
-        the view, and the places, where nothing is known yet, for a second look.
     """
     markers = find_markers(image, board.dictionary, len(board.marker_corners), borders=(1,))
     places = board.marker_corners[markers.numbers]
-    good, legacy = _agreeing(places, markers.corners), False
+    good = _agreeing(places, markers.corners)
     if board.rows % 2 == 0 and not good.all():
         older = board.legacy_marker_corners[markers.numbers]
         there = _agreeing(older, markers.corners)
-        legacy = bool(there.sum() > good.sum())
-        places, good = (older, there) if legacy else (places, good)
-    view = _measured(board, _charuco_corners(image, board, legacy), markers, places, good, board.dictionary)
-    return view, _charuco_corners(image, board, legacy)
+        if there.sum() > good.sum():
+            places, good = older, there
+    return _measured(board, charuco_corners(image, board), markers, places, good, board.dictionary)
 
 
 def find_aprilgrid(image: ByteArray, board: AprilGrid) -> BoardView:
