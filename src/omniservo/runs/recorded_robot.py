@@ -62,6 +62,8 @@ class RecordedRobot:
         """what the servo ended with"""
         self.lost: float | None = None
         """the time of an image that is missing [s], with which the replay ends"""
+        self.refused = False
+        """whether the arm or its camera stopped the servo; else the servo itself did"""
         start = job.state or RobotState(0.0, np.zeros(arm.dof), np.zeros(arm.dof))
         self._state = self._checked(start)
         self._events: deque[tuple[Call, FloatArray]] = deque()
@@ -118,6 +120,7 @@ class RecordedRobot:
                 self._image = self._found(float(values[0]), float(values[1]))
                 return self._image
             self._take_in(call, values)
+        self.refused = event is not None
         raise RecordingEnds("there is no other image in the recording")
 
     def read(self) -> RobotState:
@@ -202,6 +205,7 @@ class RecordedRobot:
         """
         while (event := self._peek()) is not None:
             if event[0] is Call.RAISED:
+                self.refused = True
                 raise RecordingEnds("the arm was stopped before this step was over")
             if event[0] in (Call.IMAGE, Call.SAME):
                 return None

@@ -26,7 +26,7 @@ from omniservo.runs.comparison import Comparison
 from omniservo.runs.controller_of import controller_of
 from omniservo.runs.feature_kind_of import feature_kind_of
 from omniservo.runs.job_progress import Progress
-from omniservo.runs.job_recording import REFUSED, pose_numbers
+from omniservo.runs.job_recording import BROKEN_OFF, REFUSED, pose_numbers
 from omniservo.runs.joined_views import Job
 from omniservo.runs.look_again import LookingPlanner
 from omniservo.runs.moves import Moves
@@ -229,7 +229,7 @@ class _Replayed:
         self._progress("following the path", 0.0 if np.isnan(report.w) else float(report.w))
 
     def _compare_ends(self, found: Comparison, stop: ServoStop | None, robot: RecordedRobot) -> None:
-        """Compare how the two servos ended; what stopped the arm itself is not replayed."""
+        """Compare how the two servos ended; where arm or camera stopped it, why is not replayed."""
         left = robot.steps_left()
         end = self._job.end
         if robot.lost is not None:
@@ -245,6 +245,8 @@ class _Replayed:
         elif end is not None and isinstance(stop, RecordingEnds):
             if not end.reason:
                 found.differ("end", "the goal was reached as recorded; replayed: it is not yet")
+            elif end.reason != BROKEN_OFF and not robot.refused:
+                found.differ("end", f"{end.reason} recorded; replayed: nothing stops it")
         elif end is not None and stop is not None and stop.reason != end.reason:
             found.differ("end", f"{end.reason or 'goal'} recorded; replayed: {stop}")
 
