@@ -26,7 +26,7 @@ def finite_array(name: str, value: npt.ArrayLike, shape: Sequence[int | None]) -
             ``(-1, 3)`` accepts ``(3,)``, ``(n, 3)``, ``(m, n, 3)``.
 
     Raises:
-        InputError: not numeric, of another shape, or with NaN or infinity.
+        InputError: not numeric, of another shape, with NaN or infinity, or with masked entries.
     """
     array = _as_floats(name, value)
     wanted = tuple(shape)
@@ -86,6 +86,8 @@ def _is_of_shape(array: FloatArray, wanted: tuple[int | None, ...]) -> bool:
 
 
 def _as_floats(name: str, value: npt.ArrayLike) -> FloatArray:
+    if np.ma.is_masked(value):
+        raise InputError(f"{name}: {np.ma.count_masked(value)} masked entries given; every number is needed")
     try:
         if isinstance(value, list | tuple) and _holds_flag(value):
             raise TypeError
