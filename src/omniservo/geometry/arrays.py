@@ -86,8 +86,8 @@ def _is_of_shape(array: FloatArray, wanted: tuple[int | None, ...]) -> bool:
 
 
 def _as_floats(name: str, value: npt.ArrayLike) -> FloatArray:
-    if np.ma.is_masked(value):
-        raise InputError(f"{name}: {np.ma.count_masked(value)} masked entries given; every number is needed")
+    if isinstance(value, np.ma.MaskedArray) and value.mask.any():
+        raise InputError(f"{name}: {value.mask.sum()} masked entries given; every number is needed")
     try:
         if isinstance(value, list | tuple) and _holds_flag(value):
             raise TypeError

@@ -86,5 +86,5 @@ def _reason(pattern: _Pattern, chained: int, board: Checkerboard) -> str:
             f"not {needed}: another board, or too small a part of it"
         )
     if chained >= _LEAST_CHAINED * len(board.places):
-        return f"no chequered pattern of {needed} that can be measured: another texture, or too blurred or faint"
+        return f"no chequered pattern of {needed} that can be measured: something else, or blurred, or faint"
     return f"no chequered pattern of {needed}"
