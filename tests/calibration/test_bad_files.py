@@ -8,7 +8,7 @@ import yaml
 from tests.calibration.format_samples import K_DATA, SAMPLES
 
 from omniservo.camera_files import load_model, save_camera
-from omniservo.cameras.models import KannalaBrandt
+from omniservo.cameras.models import KannalaBrandt, Pinhole
 from omniservo.errors import InputError
 
 
@@ -292,6 +292,14 @@ def test_model_is_asked_for_only_where_the_file_leaves_it_open(tmp_path):
     assert "the file says omnidir (xi); fisheye was asked for" in refusal(tmp_path, omnidir, model="fisheye")
     text, _, _ = SAMPLES["OpenCV pinhole, five"]
     assert "5 numbers given; legal counts: 4" in refusal(tmp_path, text, model="fisheye")
+
+
+def test_a_fisheye_whose_numbers_are_missing_is_no_pinhole(tmp_path):
+    fields = {"K": [[311, 0, 320], [0, 312, 240], [0, 0, 1]], "image_size": [640, 480]}
+    words = "distortion_coefficients: missing; a fisheye's k1 k2 k3 k4 are needed"
+    assert words in refusal(tmp_path, json.dumps({**fields, "camera_model": "fisheye"}))
+    assert words in refusal(tmp_path, json.dumps(fields), model="fisheye")
+    assert isinstance(load_model(tmp_path / "camera.dat"), Pinhole)
 
 
 def test_skew_is_refused_by_formats_without_a_place_for_it(tmp_path):

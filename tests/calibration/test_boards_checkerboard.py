@@ -1,6 +1,7 @@
 """Checkerboards in rendered pictures, whose corners are known, and in real ones."""
 
 import json
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +11,9 @@ from tests.calibration.rendered_boards import around, facing, render, true_pixel
 
 from omniservo.calibration.boards import BoardView, Checkerboard, find_board, read_grey_image
 from omniservo.calibration.boards.find_checkerboard import checkerboard_corners
-from omniservo.calibration.boards.measure_again import measure_again
+from omniservo.calibration.boards.measure_again import _seen, measure_again
 from omniservo.calibration.boards.saddle_kernels import PARAMETERS, crossing, prepare
-from omniservo.cameras import preset
+from omniservo.cameras import UnifiedCamera, preset
 from omniservo.errors import InputError
 
 BOARD = Checkerboard(8, 5, 0.03)
@@ -185,3 +186,18 @@ def test_all_corners_of_hard_real_pictures_are_found(folder, file, image):
     assert len(found) == len(stated)
     assert np.median(distance) < 0.25
     assert distance.max() < 2.5  # the stated ones of img_para_006 are off by up to 2 px themselves
+
+
+def test_what_a_camera_sees_with_takes_little_memory_beside_a_large_image():
+    """57 bytes a pixel were taken: of 100 megapixels 6 GB."""
+    camera = UnifiedCamera(2000.0, 2000.0, 1499.5, 999.5, 0.0, 3000, 2000, max_angle=0.5)
+    tracemalloc.start()
+    try:
+        seen = _seen(camera)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert peak < 12 * seen.size
+    v, u = np.mgrid[0:2000:50, 0:3000:50]
+    inside = np.hypot(u - camera.cx, v - camera.cy) < 2000.0 * np.tan(0.5)
+    assert (seen[::50, ::50] != inside).mean() < 0.01

@@ -1,5 +1,6 @@
 """Circle grids in rendered pictures; a lens moves a disc's centroid away from the image of its centre."""
 
+import cv2
 import numpy as np
 import pytest
 from tests.calibration.rendered_boards import around, facing, render, true_pixels
@@ -50,6 +51,19 @@ def test_without_a_camera_centroids_are_off_by_what_the_lens_does():
     corrected = np.median(error_of(find_board(image, SYMMETRIC, camera), pixels))
     assert without > 0.1
     assert corrected < 0.1 * without
+
+
+def test_discs_of_hundreds_of_pixels_are_found():
+    """Such as a camera of ten megapixels shows: none was found above 200."""
+    board, spacing, radius = CircleGrid(4, 3, 0.03, 0.02), 420, 140
+    image = np.full((1350, 1800), 215, dtype=np.uint8)
+    centres = [200, 180] + spacing * board.places.astype(int)
+    for centre in centres.tolist():
+        cv2.circle(image, centre, radius, 20, -1)
+    image = cv2.GaussianBlur(image, (0, 0), 1.5)
+    view = find_board(image, board)
+    assert len(view) == 12, view.reason
+    assert np.abs(view.pixels - centres[view.ids]).max() < 0.05
 
 
 def test_without_this_grid_there_is_a_reason():

@@ -12,6 +12,7 @@ from tests.cli.valid_output import check_output
 from omniservo.calibration import board_from_text, calibrate_images
 from omniservo.camera_files import load_camera
 from omniservo.cameras import preset
+from omniservo.cli.calibrate import _lines
 from omniservo.cli.main import main
 from omniservo.errors import InputError, NoSolutionError
 from omniservo.reporting.calibration_report import calibration_html
@@ -90,6 +91,7 @@ def test_a_mirror_has_one_negative_focal_length(calibrated):
     assert mirrored.camera.fy == -calibrated.camera.fy
     assert mirrored.camera.fx == calibrated.camera.fx
     assert "mirror" in calibration_html(mirrored)
+    assert any("fy (and p1) of the file have the opposite sign" in line for line in _lines(mirrored))
 
 
 def test_boards_with_names_tell_a_mirror_by_themselves(tmp_path):
@@ -120,7 +122,7 @@ def test_report_tells_every_image_and_shows_every_figure(calibrated):
 
 def test_command_writes_camera_and_report(pictures, tmp_path, capsys):
     out, report = tmp_path / "camera.yaml", tmp_path / "report.html"
-    options = ["--board", BOARD, "--out", str(out), "--report", str(report), "--json"]
+    options = ["--board", BOARD, "--mirror", "--out", str(out), "--report", str(report), "--json"]
     with pytest.raises(SystemExit) as end:
         main(["camera", "calibrate", *map(str, pictures), *options])
     assert not end.value.code
@@ -128,6 +130,8 @@ def test_command_writes_camera_and_report(pictures, tmp_path, capsys):
     assert said["status"] == "ok"
     assert list(said["not_used"]) == [str(pictures[7])]
     assert load_camera(out).to_dict() == said["camera"]
+    assert said["camera"]["fy"] < 0.0
+    assert said["covariance"] == said["camera"]["calibration_covariance"]
     assert len(said["covariance"]) == len(said["parameters"])
     assert report.stat().st_size > 100_000
 

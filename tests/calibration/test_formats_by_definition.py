@@ -1,6 +1,7 @@
 """Formats whose numbers are not our models' own, beside their makers' formulas; and binary ones."""
 
 import json
+import math
 import struct
 
 import numpy as np
@@ -82,6 +83,8 @@ def test_metashapes_frame_camera_projects_as_its_manual_says(tmp_path):
 
 @pytest.mark.parametrize(("change", "message"), [
     (("<k3>0.02</k3>", "<k4>0.1</k4>"), "calibration[1].k4: 0.1 given; legal of a frame camera: 0"),
+    (("<p1>", "<p3>0.5</p3><p1>"), "calibration[1].p3: 0.5 given; legal of a frame camera: 0"),
+    (("<p1>", "<p4>-3</p4><p1>"), "calibration[1].p4: -3 given; legal of a frame camera: 0"),
     (("<f>612</f>", "<f>0</f>"), "0 given; legal: any number but 0"),
     (('calibration type="frame" class="adj', 'calibration type="spherical" class="adj'), "'spherical' given"),
 ])  # fmt: skip
@@ -90,6 +93,15 @@ def test_what_of_metashape_no_model_has_is_refused(tmp_path, change, message):
     with pytest.raises(InputError) as raised:
         load_model(written(tmp_path, METASHAPE.replace(*change, 1)), name="frame")
     assert message in str(raised.value)
+
+
+def test_sensors_of_metashape_with_one_label_are_two_cameras(tmp_path):
+    """Two lenses of one kind, or two chunks: the second was taken for the first."""
+    path = written(tmp_path, METASHAPE.replace('label="wide"', 'label="frame"'))
+    with pytest.raises(InputError, match=r"2 cameras; say which.*frame, frame \(2\)"):
+        load_model(path)
+    assert load_model(path, name="frame").fy == 612.0
+    assert load_model(path, name="frame (2)").fy == 312.0
 
 
 def cameras_bin(*cameras):
@@ -121,8 +133,36 @@ def test_transforms_with_a_camera_for_each_frame_or_a_fourth_coefficient_are_ref
         load_model(written(tmp_path, json.dumps({**NERF, "k4": 0.1})))
 
 
+def test_transforms_have_an_angle_for_each_axis(tmp_path):
+    """fy was taken from the horizontal angle, whatever the vertical one said."""
+    angles = {
+        "w": 640,
+        "h": 480,
+        "camera_angle_x": 2.0 * math.atan(0.5),
+        "camera_angle_y": 2.0 * math.atan(0.4),
+    }
+    camera = load_model(written(tmp_path, json.dumps({**angles, "frames": []})))
+    assert (camera.fx, camera.fy) == pytest.approx((640.0, 600.0))
+    with pytest.raises(InputError, match="camera_angle_y: 4 given; legal: more than 0 and less than pi"):
+        load_model(written(tmp_path, json.dumps({**angles, "camera_angle_y": 4.0})))
+
+
+@pytest.mark.parametrize("lens", [{"ftheta_p0": 0.0, "ftheta_p1": 1e-3}, {"latlong": True}])
+def test_transforms_of_another_lens_are_no_pinhole(tmp_path, lens):
+    with pytest.raises(InputError, match="a lens that no model of ours has"):
+        load_model(written(tmp_path, json.dumps({**NERF, **lens})))
+
+
 def test_realsense_coefficients_of_no_distortion_are_not_used(tmp_path):
     camera = load_model(
         written(tmp_path, REALSENSE.replace("Inverse Brown Conrady", "None")), name="Color-640x480"
     )
     assert camera.to_dict() == Pinhole(611.0, 612.0, 320.25, 239.5, 640, 480).to_dict()
+
+
+def test_a_realsense_stream_that_is_printed_twice_with_other_numbers_is_refused(tmp_path):
+    """Of two cameras, or of formats that are rectified and not: the last one was taken."""
+    twice = REALSENSE + REALSENSE.replace("312", "313")
+    with pytest.raises(InputError, match=r"Fisheye 1-640x480: printed several times with other numbers"):
+        load_model(written(tmp_path, twice), name="Fisheye 1-640x480")
+    assert load_model(written(tmp_path, twice), name="Color-640x480").fy == 612.0

@@ -1,6 +1,7 @@
 """Images resampled into perspective, cylindrical, equirectangular and other views."""
 
 import math
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -129,6 +130,18 @@ def test_colour_and_integer_images_keep_their_type():
     assert view.image.dtype == np.uint8
     assert np.array_equal(view.image, image)  # the camera's own view
     assert view.valid.all()
+
+
+def test_large_views_take_little_memory():
+    camera = preset("fe185")
+    image = np.full((camera.height, camera.width), 100, dtype=np.uint8)
+    tracemalloc.start()
+    seen = tangent_view(camera, image, [0.0, 0.0, 1.0], 1.5, (2048, 1024))
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert seen.valid.all()
+    assert (seen.image == 100).all()
+    assert peak < 40 * seen.image.size  # bytes
 
 
 def test_up_turns_the_view():

@@ -195,6 +195,19 @@ def test_a_length_between_points_that_are_not_there_is_named(tags):
         estimate_many_images(CAMERA, tags, features="tags", dictionary="tag36h11", scale=scale)
 
 
+@pytest.mark.parametrize("place", [0, 3])
+def test_no_motion_is_written_where_the_first_or_the_last_image_is_not_joined(tmp_path, capsys, tags, place):
+    """A file without a pose was written, and the command ended with 0."""
+    blank, out = tmp_path / "blank.png", tmp_path / "estimate.json"
+    cv2.imwrite(str(blank), np.full((CAMERA.height, CAMERA.width), 128, dtype=np.uint8))
+    images = [*tags[:3]]
+    images.insert(place, blank)
+    code, _, err = call(capsys, "estimate", *TAGS, "--tag-edge", EDGE, "--out", out, *images)
+    assert code == 1
+    assert f"{out} is not written: {blank} has no pose: not_matched: 0 tags found" in err.replace("\n", " ")
+    assert not out.exists()
+
+
 def test_identical_images_hold_no_motion(tmp_path, capsys, crates):
     files = [tmp_path / f"{k}.png" for k in range(3)]
     for file in files:

@@ -165,6 +165,25 @@ def test_a_known_length_whose_point_is_left_out_is_no_answer():
     assert "too few pixels" in estimate.message
 
 
+def test_a_known_length_of_a_point_that_a_further_view_will_not_show_is_not_counted_on():
+    """It was an IndexError, which ended a run that was to look again."""
+    _, points, views, start = views_of(2, lens=0.0)
+    rows = np.flatnonzero(start.inliers)
+    bearing = points[rows, 0] / points[rows, 2]
+    first, second = int(rows[bearing.argmin()]), int(rows[bearing.argmax()])
+    length = LengthPrior(float(np.linalg.norm(points[first] - points[second])), 0.02, rows=(first, second))
+    views = replace(views, known=replace(views.known, length=length))
+    _, optimum = estimate_arm_views(views, start)
+    counts = []
+    for turn in np.radians(np.arange(60.0, 110.0)):
+        there = RigidTransform.from_rotation(Rotation.from_rotvec([0.0, turn, 0.0]))
+        expected = with_view(optimum, there)
+        counts.append(len(expected.points))
+        assert (expected.views.known.length is None) == (counts[-1] < len(optimum.points))
+    assert counts[0] == len(optimum.points)
+    assert any(8 <= count < counts[0] for count in counts)
+
+
 def test_views_that_disagree_are_no_answer():
     _, _, views, start = views_of(4, lens=0.0)
     pixels = views.pixels.copy()

@@ -66,6 +66,15 @@ def test_the_stated_covariance_is_about_the_true_one(scene):
     assert 0.5 < np.median(squared[unlike]) / 1.386 < 1.5
 
 
+def test_a_long_lens_shows_as_many_features_as_a_shorter_one_with_the_same_image():
+    image = rough_texture(np.random.default_rng(3), 512).astype(np.uint8)
+    short, long = (
+        find_features(image, UnifiedCamera(f, f, 255.5, 255.5, 0.0, 512, 512)) for f in (1000.0, 12000.0)
+    )
+    assert len(short) > 500
+    assert len(long) > 0.9 * len(short)
+
+
 def test_a_match_says_how_wide_its_window_is(scene):
     _, initial, goal, match = scene
     matched = NaturalKind().match(CAMERA, initial, goal)

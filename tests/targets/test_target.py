@@ -76,6 +76,15 @@ def test_image_points_join_by_number_and_strangers_are_named():
     assert corners.shape == (8, 3)
 
 
+def test_opencvs_name_of_a_dictionary_is_understood_as_where_tags_are_looked_for():
+    target = Target.from_dict(document(tags=[TAG | {"dictionary": "DICT_APRILTAG_36h11"}]))
+    assert target.dictionaries == ("tag36h11",)
+    for name in ("DICT_APRILTAG_36H11", "tag36h11", None):
+        assert target.tag_corners(name)[0].tolist() == [12, 13, 14, 15]
+    with pytest.raises(InputError, match="tags: dictionary and id: .* given 2 times"):
+        Target.from_dict(document(tags=[TAG, TAG | {"dictionary": "DICT_APRILTAG_36h11"}]))
+
+
 def test_of_several_dictionaries_one_must_be_named():
     target = Target.from_dict(document(tags=[TAG, TAG | {"dictionary": "4x4_50"}]))
     with pytest.raises(InputError, match="dictionary: None given; legal: 4x4_50, tag36h11"):

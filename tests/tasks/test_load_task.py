@@ -334,6 +334,13 @@ def test_tags_stand_in_the_initial_camera_frame_in_metres(tmp_path):
     np.testing.assert_allclose(second.transform.apply([0.02, 0, 0]), [-0.03, 0, 0.3], atol=1e-15)
 
 
+def test_tags_may_have_opencvs_name_of_their_dictionary(tmp_path):
+    """The task was loaded, and refused once its images were to be estimated from."""
+    tags = {**TAGS, "dictionary": "DICT_APRILTAG_36h11"}
+    target = load_task(written(tmp_path, aimed_at({"tags": tags}, scale={"tags": True}))).target
+    assert target.known.tags[0].dictionary == target.tags.dictionary == "tag36h11"
+
+
 def test_known_target_holds_the_tags_but_not_where_the_camera_is(tmp_path):
     target = load_task(written(tmp_path, aimed_at({"tags": TAGS}))).target
     first, second = target.known.tags

@@ -131,7 +131,7 @@ def _look(
     progress: Progress,
 ) -> list[BoardView]:
     views = []
-    copied = _copied(paths)
+    copied = copies_of(paths)
     for i, path in enumerate(paths):
         progress(f"looking for the board: {i + 1} of {len(paths)}", i / len(paths))
         if i in copied:
@@ -143,8 +143,8 @@ def _look(
     return views
 
 
-def _copied(paths: Sequence[Path]) -> dict[int, Path]:
-    """Return the places of files that are copies of earlier ones, and of which."""
+def copies_of(paths: Sequence[Path]) -> dict[int, Path]:
+    """Return the places of files that are copies of earlier ones, and of which these are."""
     first: dict[bytes, int] = {}
     digests = [hashlib.blake2b(read_bytes(path, max_bytes=MOST_BYTES)).digest() for path in paths]
     earliest = [first.setdefault(digest, i) for i, digest in enumerate(digests)]

@@ -75,12 +75,15 @@ def parse_fields(text: str, source: str) -> tuple[Mapping[str, Any], Callable[[F
     return fields, lambda path: _line_in_yaml(plain, path)
 
 
-def _streams(text: str) -> dict[str, dict[str, Any]]:
-    """Return the fields of each stream in each resolution, by the name of both."""
+def _streams(text: str) -> dict[str, Any]:
+    """Return the fields of each stream in each resolution, by the name of both; a list of those that differ.
+
+    Such are printed of several cameras, and of formats of which one is rectified and another is not.
+    """
     starts = [*_STREAM.finditer(text)]
-    streams: dict[str, dict[str, Any]] = {}
+    streams: dict[str, Any] = {}
     for start, end in zip(starts, [*(found.start() for found in starts[1:]), len(text)], strict=True):
-        fields = streams.setdefault("-".join(start.groups()), {})
+        fields: dict[str, Any] = {}
         for line in text[start.end() : end].splitlines()[1:]:
             name, colon, said = line.strip().partition(":")
             if not colon:
@@ -88,6 +91,10 @@ def _streams(text: str) -> dict[str, dict[str, Any]]:
             words = [number_or_word(word) for word in said.split()]
             worded = len(words) == 0 or any(isinstance(word, str) for word in words)
             fields[name] = said.strip() if worded else words if name == "Coeffs" else words[0]
+        name = "-".join(start.groups())
+        known = streams.setdefault(name, fields)
+        if known != fields:
+            streams[name] = [known, fields]
     return streams
 
 

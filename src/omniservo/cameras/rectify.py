@@ -7,6 +7,7 @@ each of its pixels shows what its bearing sees in the source image.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,6 +26,8 @@ from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array, finit
 _LARGEST_SIDE = 16384
 _LARGEST_IMAGE = 2**26
 """pixels of a view"""
+_AT_ONCE = 2**18
+"""pixels"""
 
 ViewCamera = CentralModel | CylindricalView
 
@@ -77,11 +80,24 @@ def rectify(
     if source.dtype.kind not in "uif":
         raise InputError(f"image: {source.dtype} given; numbers are needed")
     camera_R_view = _orientation(direction, up)
-    v, u = np.mgrid[0 : view.height, 0 : view.width].astype(np.float64)
-    rays, there = view.unproject(np.stack([u, v], axis=-1))
-    pixels, seen = camera.project(camera_R_view.apply(rays.reshape(-1, 3)).reshape(rays.shape))
-    valid = there & seen & camera.in_image(np.where(seen[..., None], pixels, -1e6))
-    return RectifiedView(_resampled(source, pixels, valid), valid, view, camera_R_view)
+    numbers = source if source.dtype.kind != "f" else source.astype(np.float64, copy=False)
+    resampled = np.zeros((view.height, view.width, *source.shape[2:]), dtype=source.dtype)
+    valid = np.zeros((view.height, view.width), dtype=np.bool_)
+    for rows in _blocks(view.height, view.width):
+        v, u = np.mgrid[rows, 0 : view.width].astype(np.float64)
+        rays, there = view.unproject(np.stack([u, v], axis=-1))
+        pixels, seen = camera.project(camera_R_view.apply(rays.reshape(-1, 3)).reshape(rays.shape))
+        valid[rows] = there & seen & camera.in_image(np.where(seen[..., None], pixels, -1e6))
+        values = _resampled(numbers, pixels, valid[rows])
+        resampled[rows] = np.rint(values) if resampled.dtype.kind in "ui" else values
+    return RectifiedView(resampled, valid, view, camera_R_view)
+
+
+def _blocks(height: int, width: int) -> Iterator[slice]:
+    """Yield the rows that are resampled at once: large views need little memory."""
+    rows = max(1, _AT_ONCE // width)
+    for first in range(0, height, rows):
+        yield slice(first, min(first + rows, height))
 
 
 def tangent_view(
@@ -160,15 +176,14 @@ def _orientation(direction: npt.ArrayLike, up: npt.ArrayLike | None) -> Rotation
     return Rotation.from_matrix(np.column_stack([x, np.cross(z, x), z]))
 
 
-def _resampled(source: npt.NDArray[Any], pixels: FloatArray, valid: BoolArray) -> npt.NDArray[Any]:
+def _resampled(source: npt.NDArray[Any], pixels: FloatArray, valid: BoolArray) -> FloatArray:
     from scipy.ndimage import map_coordinates  # slow to import, and few views are resampled
 
     coordinates = [np.where(valid, pixels[..., 1], 0.0), np.where(valid, pixels[..., 0], 0.0)]
     channels = source[..., None] if source.ndim == 2 else source
     planes = [
-        map_coordinates(channels[..., c].astype(np.float64), coordinates, order=1, mode="nearest")
+        map_coordinates(channels[..., c], coordinates, np.float64, order=1, mode="nearest")
         for c in range(channels.shape[2])
     ]
     view = np.where(valid[..., None], np.stack(planes, axis=-1), 0.0)
-    view = np.rint(view) if source.dtype.kind in "ui" else view
-    return np.asarray((view[..., 0] if source.ndim == 2 else view).astype(source.dtype))
+    return np.asarray(view[..., 0] if source.ndim == 2 else view)

@@ -77,6 +77,8 @@ def _lines(result: ImageCalibration) -> list[str]:
     """Return the calibration's own sentences, images by their names."""
     found = result.calibration
     lines = [line for line in found.report().splitlines() if not line.startswith("view ")]
+    if result.mirrored:
+        lines.append("the camera looks into a mirror: fy (and p1) of the file have the opposite sign")
     lines += [f"{result.images[i]}: not used: {reason}" for i, reason in sorted(result.not_used().items())]
     for k, corners in sorted(found.corners_dropped.items()):
         image = result.images[result.calibrated[k]]
@@ -96,7 +98,7 @@ def _fields(result: ImageCalibration, camera: UnifiedCamera) -> dict[str, Any]:
         "largest_angle": found.coverage.largest_angle,
         "image_fraction": found.coverage.image_fraction,
         "parameters": list(found.parameter_names),
-        "covariance": found.covariance.tolist(),
+        "covariance": [list(row) for row in camera.calibration_covariance or ()],
         "identifiable": found.identifiable,
         "used": [str(result.images[result.calibrated[k]]) for k in found.views_used],
         "not_used": {str(result.images[i]): reason for i, reason in sorted(result.not_used().items())},

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from omniservo.estimation import TwoViewEstimate
     from omniservo.estimation.uncertainty.joint_uncertainty import JointUncertainty
     from omniservo.geometry.arrays import FloatArray
+    from omniservo.runs import EstimatedViews
     from omniservo.runs.estimate_images import EstimatedImages
 
 WhatArgument = Annotated[
@@ -108,8 +109,7 @@ def estimate(
             lens.opened_if_named(camera, largest_px), what, (kind.features, kind.dictionary), scale, output
         )
         if results.out is not None:
-            found.two_view().save(results.out, force=results.force)
-            output.written(results.out, ": the motion from the first to the last image")
+            _save_motion(found, results.out, output, force=results.force)
         return
     task, (first, second) = _task_or_pair(what, (initial, goal), lengths)
     _check_files(task, camera, first, second)
@@ -128,6 +128,16 @@ def estimate(
         else:
             raise InputError(_NEEDED)
     _deliver(seen, results, output)
+
+
+def _save_motion(found: EstimatedViews, out: Path, output: Output, *, force: bool) -> None:
+    """Write the motion from the first to the last image; refuse where one of them is not joined."""
+    for view in (0, -1):
+        if found.estimate.initial_T_views[view] is None:
+            status, reason = found.statuses()[view]
+            raise answer_is_no(f"{out} is not written: {found.images[view]} has no pose: {status}: {reason}")
+    found.two_view().save(out, force=force)
+    output.written(out, ": the motion from the first to the last image")
 
 
 _Pair = tuple[Path | None, Path | None]

@@ -105,7 +105,7 @@ class ArmViewsOptimum:
 def with_view(at: ArmViewsOptimum, first_T_next: RigidTransform) -> ArmViewsOptimum:
     """Return what is expected of one more view, from there on the first: its pixels as they will be.
 
-    Points that it will not show are left out.
+    Points that it will not show are left out, and with one of its two points a known length.
     """
     next_T_first = first_T_next.inv()
     points = next_T_first.apply(at.points)
@@ -116,8 +116,9 @@ def with_view(at: ArmViewsOptimum, first_T_next: RigidTransform) -> ArmViewsOpti
     views, order = at.views, [GOAL, 0, *range(2, len(poses))]
     known = views.known
     if known.length is not None:
-        since = order.index(known.length.since) + 1
-        known = replace(known, length=known.length._replace(since=since))
+        rows, since = known.length.rows, order.index(known.length.since) + 1
+        kept = rows is None or shown[list(rows)].all()
+        known = replace(known, length=known.length._replace(since=since) if kept else None)
     views = replace(
         views,
         pixels=np.concatenate((np.nan_to_num(pixels)[None], views.pixels[order])),

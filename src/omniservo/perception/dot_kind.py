@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from omniservo.cameras.models import CentralModel
-from omniservo.errors import NoSolutionError
+from omniservo.errors import InputError, NoSolutionError
 from omniservo.geometry.arrays import ByteArray, FloatArray
 from omniservo.perception.dot_tracker import DotTracker
 from omniservo.perception.feature_kind import LEAST_FEATURES, MatchedPoints, require_features
@@ -45,6 +45,25 @@ class DotKind:
             raise NoSolutionError(f"{len(match.pairs)} dots matched; at least {LEAST_FEATURES} are needed")
         pairs = match.pairs[np.argsort(match.pairs[:, 0])]
         return MatchedPoints(initial_dots.pixels[pairs[:, 0]], goal_dots.pixels[pairs[:, 1]])
+
+    def row(
+        self, field: str, number: int, image: ByteArray, camera: CentralModel, matched: FloatArray
+    ) -> int:
+        """Return which of ``matched`` (n, 2) [px], dots of this image, is that with this number in `find`.
+
+        Raises:
+            InputError: the image shows no such dot, or no other image does; ``field`` stands first.
+        """
+        dots = self.find(camera, image)
+        if not 0 <= number < len(dots):
+            raise InputError(
+                f"{field}: dot {number} given; the first image shows {len(dots)}, numbered from 0, top to"
+                " bottom, then left to right"
+            )
+        rows = np.flatnonzero((matched == dots[number]).all(axis=1))
+        if not len(rows):
+            raise InputError(f"{field}: dot {number} given; the first image shows it, and no other")
+        return int(rows[0])
 
     def tracker(
         self, camera: CentralModel, initial: ByteArray, goal: ByteArray, matched: MatchedPoints

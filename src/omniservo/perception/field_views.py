@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from omniservo.cameras.models import CentralModel
+from omniservo.cameras.widest_angle import widest_angle
 from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray
 from omniservo.perception.tangent_patches import TangentFrames
 
@@ -64,7 +65,8 @@ def field_views(camera: CentralModel) -> tuple[FieldView, ...]:
     valid &= camera.in_image(pixels)
     bearings = bearings[valid]
     nearest = np.argmax(bearings @ axes.T, axis=1)
-    return tuple(_view(camera, axes, int(i), bearings[nearest == i]) for i in np.unique(nearest))
+    largest = LARGEST_HALF / max(math.tan(min(REACH, widest_angle(camera))), 1e-9)
+    return tuple(_view(camera, axes, int(i), bearings[nearest == i], largest) for i in np.unique(nearest))
 
 
 def _axes() -> FloatArray:
@@ -77,12 +79,16 @@ def _axes() -> FloatArray:
     return np.concatenate(rings)
 
 
-def _view(camera: CentralModel, axes: FloatArray, index: int, bearings: FloatArray) -> FieldView:
-    """The view along one axis, as large as the ``bearings`` (k, 3) that it must show need."""
+def _view(
+    camera: CentralModel, axes: FloatArray, index: int, bearings: FloatArray, largest: float
+) -> FieldView:
+    """The view along one axis, as large as the ``bearings`` (k, 3) that it must show need.
+
+    Its focal length is the image's resolution there, at most ``largest`` [px].
+    """
     frame = TangentFrames.at(axes[index : index + 1])
     jacobians = TangentFrames.at(bearings).jacobians(camera)
     resolution = np.linalg.norm(jacobians[np.isfinite(jacobians).all((1, 2))], ord=2, axis=(1, 2))
-    largest = LARGEST_HALF / math.tan(REACH)
     focal = float(np.clip(np.median(resolution), 16.0, largest)) if len(resolution) else 16.0
     shown = focal * TangentFrames(
         np.repeat(frame.bearings, len(bearings), axis=0), np.repeat(frame.first, len(bearings), axis=0)

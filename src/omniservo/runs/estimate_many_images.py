@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
+from omniservo.calibration.calibrate_images import copies_of
 from omniservo.calibration.hand_eye import load_hand_eye, load_robot_poses, load_robot_sigmas
 from omniservo.camera_files import named_model
 from omniservo.cameras.models import CentralModel
@@ -28,8 +30,8 @@ from omniservo.estimation import (
 )
 from omniservo.estimation.view_scale import ViewScale
 from omniservo.field_docs import with_field_docs
-from omniservo.geometry.arrays import FloatArray, finite_number
-from omniservo.perception import JoinedPoints, TagKind, join_images
+from omniservo.geometry.arrays import ByteArray, FloatArray, finite_number
+from omniservo.perception import DotKind, JoinedPoints, TagKind, join_images
 from omniservo.runs.estimate_images import read_image
 from omniservo.runs.feature_kind_of import KindName, feature_kind
 from omniservo.runs.job_progress import Progress
@@ -167,6 +169,9 @@ def estimate_many_images(
 ) -> EstimatedViews:
     """Return what two to `MOST_IMAGES` image files of a target that stands still say, in any order.
 
+    A file that is the copy of an earlier one is not used: it says nothing more, and counted twice it would
+    make the result look surer than it is.
+
     Args:
         camera: a calibration file, a preset's name, or a camera, of any model.
         images: the files; poses are in the frame of the first that has one.
@@ -188,14 +193,29 @@ def estimate_many_images(
     kind = feature_kind(features, dictionary, target)
     if known.edge is not None and not isinstance(kind, TagKind):
         raise InputError(f"edge: given with features: {features!r}; 'tags' is needed")
+    if known.length is not None and not isinstance(kind, TagKind | DotKind):
+        raise InputError(f"length: given with features: {features!r}; 'dots' or 'tags' is needed")
     arm = _displacements(known, files)
-    points = join_images(model, [read_image(file, model) for file in files], kind, progress)
+    pictures = [read_image(file, model) for file in files]
+    points = _of_originals(join_images(model, pictures, kind, progress), files)
     progress("estimating motion and structure", _JOINED)
-    stated = arm if arm is not None else _scale(known, points, target, dictionary)
+    row_of = partial(_row, model, pictures[0], points)
+    stated = arm if arm is not None else _scale(known, points, row_of, target, dictionary)
     views = ViewPoints(points.pixels, points.visible, points.noise, points.window)
     found = estimate_views(model, views, scale=stated, calibration_covariance=calibration_covariance)
     further = tuple(candidate_views(found)) if found.status == "ok" else ()
     return EstimatedViews(files, points, found, model, further)
+
+
+def _of_originals(points: JoinedPoints, files: Sequence[Path]) -> JoinedPoints:
+    """Return the points without what copies of earlier files show; as they are where all show one image."""
+    copied = copies_of(files)
+    if len(copied) == len(files) - 1:
+        return points
+    visible, reasons = points.visible.copy(), list(points.reasons)
+    for view, original in copied.items():
+        visible[view], reasons[view] = False, f"a copy of {original}"
+    return replace(points, visible=visible, reasons=tuple(reasons))
 
 
 def _displacements(scale: ImageScale, files: Sequence[Path]) -> KnownDisplacements | None:
@@ -213,14 +233,18 @@ def _displacements(scale: ImageScale, files: Sequence[Path]) -> KnownDisplacemen
 
 
 def _scale(
-    scale: ImageScale, points: JoinedPoints, target: Target | None, dictionary: str | None
+    scale: ImageScale,
+    points: JoinedPoints,
+    row_of: Callable[[int], int],
+    target: Target | None,
+    dictionary: str | None,
 ) -> ViewScale:
     if scale.displacement is not None:
         metres = finite_number("displacement", scale.displacement, above=0.0)
         return ViewDistance(0, len(points.visible) - 1, metres)
     if scale.length is not None:
         i, j, metres = scale.length
-        return (_row(points, i), _row(points, j)), finite_number("length: metres", metres, above=0.0)
+        return (row_of(i), row_of(j)), finite_number("length: metres", metres, above=0.0)
     if points.ids is None:
         return None
     if target is not None:
@@ -238,14 +262,11 @@ def _scale(
     return KnownPoints(np.arange(len(points.ids)), square[points.ids % CORNERS], groups)
 
 
-def _row(points: JoinedPoints, number: int) -> int:
+def _row(camera: CentralModel, first: ByteArray, points: JoinedPoints, number: int) -> int:
     """Return the row of a dot that the first image shows, or of a tag's corner."""
-    numbers = np.flatnonzero(points.visible[0])
     if points.ids is None:
-        u, v = points.pixels[0, numbers].T
-        rows = dict(enumerate(numbers[np.lexsort((u, np.round(v)))]))
-    else:
-        rows = {int(points.ids[row]): row for row in numbers}
+        return DotKind().row("length", number, first, camera, points.pixels[0])
+    rows = {int(points.ids[row]): row for row in np.flatnonzero(points.visible[0])}
     if number not in rows:
         legal = ", ".join(str(k) for k in sorted(rows)[:CORNERS]) + (", …" if len(rows) > CORNERS else "")
         raise InputError(

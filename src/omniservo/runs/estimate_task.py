@@ -10,7 +10,7 @@ from omniservo.cameras.models import CentralModel
 from omniservo.errors import InputError, NoSolutionError
 from omniservo.estimation import TwoViewEstimate, estimate_known_target, estimate_two_view
 from omniservo.geometry.arrays import FloatArray
-from omniservo.perception import MatchedPoints
+from omniservo.perception import DotKind, MatchedPoints
 from omniservo.results.run_result import Seen
 from omniservo.scenes.scene import Scene
 from omniservo.targets import Target
@@ -38,13 +38,8 @@ def estimate_task(
     """
     if task.scale.tags:
         return _with_pose(task, estimate_on_target(task.camera, seen.matched, task.target.known))
-    scale = _scale(task, scene, goal, joints)
+    scale = _scale(task, scene, seen, goal, joints)
     matched = seen.matched
-    if isinstance(scale, tuple) and max(scale[0]) >= len(matched):
-        raise InputError(
-            f"scale.known_length.dots: {scale[0]} given; {len(matched)} dots are matched, "
-            "numbered from 0, top to bottom, then left to right in the initial picture"
-        )
     return _with_pose(
         task,
         estimate_two_view(
@@ -89,11 +84,26 @@ def _with_pose(task: Task, estimate: TwoViewEstimate) -> TwoViewEstimate:
     return replace(estimate, camera=task.camera)
 
 
-def _scale(task: Task, scene: Scene, goal: TaughtGoal, joints: FloatArray) -> TwoViewScale:
+def known_dots(task: Task, seen: Seen) -> tuple[int, int]:
+    """Return the matched points (rows) between which the task knows the length.
+
+    Raises:
+        InputError: the task knows none, or one of its dots is not matched.
+    """
+    if task.scale.known_length is None:
+        raise InputError("scale.known_length: missing")
+    field, kind, image = "scale.known_length.dots", DotKind(), seen.initial_image
+    i, j = (
+        kind.row(field, dot, image, task.camera, seen.matched.initial) for dot in task.scale.known_length.dots
+    )
+    return i, j
+
+
+def _scale(task: Task, scene: Scene, seen: Seen, goal: TaughtGoal, joints: FloatArray) -> TwoViewScale:
     if task.scale.displacement is not None:
         return task.scale.displacement
     if task.scale.known_length is not None:
-        return task.scale.known_length.dots, task.scale.known_length.length
+        return known_dots(task, seen), task.scale.known_length.length
     if goal.joints is None:
         raise InputError("scale.odometry: the taught goal holds no joints; give a displacement or a length")
     moved = scene.world_T_camera(goal.joints).translation - scene.world_T_camera(joints).translation

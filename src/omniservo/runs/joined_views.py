@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -27,6 +28,7 @@ from omniservo.looks import ViewingState
 from omniservo.looks.followed_points import spread_rows
 from omniservo.perception import MatchedPoints
 from omniservo.results import Seen
+from omniservo.runs.estimate_task import known_dots
 from omniservo.scenes import Scene
 from omniservo.tasks import Task, TaughtGoal
 
@@ -114,6 +116,11 @@ class Joining:
             is_guess=matched.noise is None, windows=matched.window,
         ), points  # fmt: skip
 
+    @cached_property
+    def _known_dots(self) -> tuple[int, int]:
+        """Rows of the first match between which the length is known."""
+        return known_dots(self.first.task, self.first.seen)
+
     def _joined_rows(self, estimate: TwoViewEstimate, shot: Shot, rows: IntArray) -> IntArray:
         """Return `MOST_JOINED` of the rows of a shot's match; all of dots, two of which are a length."""
         if self.first.task.scale.known_length is not None:
@@ -141,7 +148,7 @@ class Joining:
         elif scale.displacement is not None and first is not None:
             length = LengthPrior(scale.displacement, scale.sigma, since=since)
         elif scale.known_length is not None and first is not None:
-            rows = [np.flatnonzero(first == dot) for dot in scale.known_length.dots]
+            rows = [np.flatnonzero(first == row) for row in self._known_dots]
             if all(len(row) for row in rows):
                 pair = int(rows[0][0]), int(rows[1][0])
                 length = LengthPrior(scale.known_length.length, scale.sigma, rows=pair)
@@ -153,8 +160,7 @@ class Joining:
         noise = np.full((2, n), estimate.noise_px) if matched.noise is None else matched.noise.T.copy()
         scale, length = self.first.task.scale, None
         if scale.known_length is not None:
-            i, j = scale.known_length.dots
-            length = LengthPrior(scale.known_length.length, scale.sigma, rows=(i, j))
+            length = LengthPrior(scale.known_length.length, scale.sigma, rows=self._known_dots)
         elif scale.displacement is not None:
             length = LengthPrior(scale.displacement, scale.sigma)
         else:

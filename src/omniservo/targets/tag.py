@@ -10,7 +10,7 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.errors import InputError, spelled
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, owned
-from omniservo.tag_dictionaries import dictionary_names, dictionary_size
+from omniservo.tag_dictionaries import dictionary_name, dictionary_size
 
 _CORNERS = np.array([[-0.5, -0.5, 0.0], [0.5, -0.5, 0.0], [0.5, 0.5, 0.0], [-0.5, 0.5, 0.0]])
 
@@ -27,7 +27,7 @@ class Tag:
     """
 
     dictionary: str
-    """name of the dictionary: tag36h11, 4x4_50, tagStandard41h12, …"""
+    """name of the dictionary: tag36h11, 4x4_50, tagStandard41h12, …; OpenCV's, as DICT_4X4_50, becomes such"""
     id: int
     """number in the dictionary"""
     edge: float
@@ -36,9 +36,7 @@ class Tag:
     """where it is on the target"""
 
     def __post_init__(self) -> None:
-        if self.dictionary not in dictionary_names():
-            legal = ", ".join(dictionary_names())
-            raise InputError(f"dictionary: {spelled(self.dictionary)} given; legal: {legal}")
+        object.__setattr__(self, "dictionary", dictionary_name(self.dictionary))
         whole = isinstance(self.id, int | np.integer) and not isinstance(self.id, bool)
         size = dictionary_size(self.dictionary)
         if not whole or not 0 <= self.id < size:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections import Counter
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from omniservo.field_docs import with_field_docs
 from omniservo.files import read_document, stated_units, write_whole
 from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array, finite_number, owned
 from omniservo.short_repr import short_repr
+from omniservo.tag_dictionaries import dictionary_name
 from omniservo.targets.tag import Tag
 
 FORMAT = "omniservo.target/1"
@@ -78,6 +80,8 @@ class Target:
         known = self.dictionaries
         if dictionary is None and len(known) == 1:
             dictionary = known[0]
+        with suppress(InputError):
+            dictionary = dictionary_name(dictionary or "")
         if dictionary not in known:
             legal = ", ".join(known) or "none, the target has no tag"
             raise InputError(f"dictionary: {spelled(dictionary)} given; legal: {legal}")

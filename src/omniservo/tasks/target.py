@@ -9,7 +9,7 @@ from scipy.spatial.transform import RigidTransform
 
 from omniservo import targets
 from omniservo.errors import InputError
-from omniservo.tag_dictionaries import dictionary_size
+from omniservo.tag_dictionaries import dictionary_name, dictionary_size
 from omniservo.tasks.placed import Block, Framed, Placed
 from omniservo.tasks.quantities import Direction, Point, PositiveLength
 from omniservo.tasks.section import Section
@@ -46,10 +46,9 @@ class TagSection(Placed):
 
 def _known(name: str) -> str:
     try:
-        dictionary_size(name)
+        return dictionary_name(name)
     except InputError as error:
         raise ValueError(str(error).removeprefix("dictionary: ")) from None
-    return name
 
 
 class TagsSection(Section):

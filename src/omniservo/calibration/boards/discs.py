@@ -10,6 +10,7 @@ import numpy as np
 from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
 
 _BLOCKS = (25, 61, 151)  # [px] sides of the neighbourhoods whose mean is the threshold
+_LARGEST_BLOCK = 0.25  # of the image's longer side: larger images have some of twice the size, and so on
 _DARKER = 7  # grey values below that mean
 _LEAST_CONTRAST = 15.0
 _LEAST_AREA, _LARGEST_PART = 12.0, 0.1  # [px²]; of the image
@@ -34,7 +35,7 @@ def find_discs(image: ByteArray) -> Discs:
     """Find whole dark ellipses; whatever lies on a lattice of them is decided later."""
     centres, shapes = [np.zeros((0, 2))], [np.zeros((0, 2, 2))]
     grey = image.astype(np.float64)
-    for block in _BLOCKS:
+    for block in _blocks(max(image.shape)):
         method = cv2.ADAPTIVE_THRESH_MEAN_C
         mask = cv2.adaptiveThreshold(image, 255, method, cv2.THRESH_BINARY_INV, block, _DARKER)
         count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=4, ltype=cv2.CV_32S)
@@ -52,6 +53,14 @@ def find_discs(image: ByteArray) -> Discs:
         if all(np.hypot(*(pixels[k] - pixels[j])) > reach for j in kept):
             kept.append(k)
     return Discs(pixels[kept], shape[kept])
+
+
+def _blocks(longer_side: int) -> list[int]:
+    """Return the sides of neighbourhoods for all discs of an image [px], odd."""
+    blocks = list(_BLOCKS)
+    while (larger := 2 * blocks[-1] + 1) <= _LARGEST_BLOCK * longer_side:
+        blocks.append(larger)
+    return blocks
 
 
 def _candidates(stats: IntArray, image: ByteArray) -> IntArray:

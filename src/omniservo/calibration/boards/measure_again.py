@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import cv2
 import numpy as np
 
@@ -11,10 +13,11 @@ from omniservo.calibration.boards.board_view import BoardView
 from omniservo.calibration.boards.corners import Corners
 from omniservo.cameras.image_mask import distance_beyond
 from omniservo.cameras.models.central_model import CentralModel
-from omniservo.geometry.arrays import BoolArray, FloatArray
+from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray
 
 _STEP = 0.05  # of the pitch: for the map's derivative
 _RIM = 2  # [px] the lens's rim is blurred over
+_AT_ONCE = 2**18  # pixels: the whole of a large image takes gigabytes
 
 
 def measure_again(view: BoardView, board: Board, corners: Corners, camera: CentralModel) -> BoardView:
@@ -54,16 +57,26 @@ def measure_again(view: BoardView, board: Board, corners: Corners, camera: Centr
     return BoardView.of(board, found, corners.pixels[found], mirrored=view.mirrored, turnable=view.turnable)
 
 
+@lru_cache(maxsize=2)  # a calibration looks at many images of one camera
 def _seen(camera: CentralModel) -> BoolArray:
-    """(height, width) pixels that the camera sees with, a little away from the rest."""
-    v, u = np.mgrid[0 : camera.height, 0 : camera.width]
-    pixels = np.stack([u, v], axis=-1).reshape(-1, 2).astype(np.float64)
+    """(height, width) pixels that the camera sees with, a little away from the rest; read-only."""
+    rows = max(1, _AT_ONCE // camera.width)
+    seen = np.concatenate(
+        [_sees(camera, np.arange(v, min(v + rows, camera.height))) for v in range(0, camera.height, rows)]
+    )
+    kernel = np.ones((2 * _RIM + 1, 2 * _RIM + 1), np.uint8)
+    inner = cv2.erode(seen.astype(np.uint8), kernel, borderType=cv2.BORDER_CONSTANT, borderValue=1) > 0
+    inner.setflags(write=False)
+    return np.asarray(inner)
+
+
+def _sees(camera: CentralModel, rows: IntArray) -> BoolArray:
+    """(n, width) which pixels of the image's ``rows`` (n,) the camera sees with."""
+    pixels = np.stack(np.meshgrid(np.arange(camera.width), rows), axis=-1).reshape(-1, 2).astype(np.float64)
     seen = camera.unproject(pixels)[1]
     zone = camera.dead_zone
     if zone is not None:
         seen = seen & (np.linalg.norm(pixels - np.asarray(zone.center), axis=1) > zone.radius)
     if camera.mask:
         seen = seen & (distance_beyond(camera.mask, pixels) > 0.0)
-    image = seen.reshape(camera.height, camera.width).astype(np.uint8)
-    kernel = np.ones((2 * _RIM + 1, 2 * _RIM + 1), np.uint8)
-    return np.asarray(cv2.erode(image, kernel, borderType=cv2.BORDER_CONSTANT, borderValue=1) > 0)
+    return np.asarray(seen.reshape(len(rows), camera.width))

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.calibration.boards import Board, find_board
+from omniservo.calibration.calibrate_images import copies_of
 from omniservo.calibration.hand_eye.calibrate_hand_eye import calibrate_hand_eye
 from omniservo.calibration.hand_eye.hand_eye import HandEye
 from omniservo.calibration.hand_eye.robot_poses import checked_poses
@@ -61,6 +62,8 @@ def calibrate_hand_eye_images(
 ) -> ImageHandEye:
     """Return where the camera sits on the flange, from one image at each pose; see `calibrate_hand_eye`.
 
+    A file that is the copy of an earlier one is not used, as in `omniservo.calibration.calibrate_images`.
+
     Args:
         camera: took the images.
         base_T_flange: n poses as the robot reports them.
@@ -75,9 +78,12 @@ def calibrate_hand_eye_images(
     if len(images) != len(poses):
         raise InputError(f"images: {len(images)} given for {len(poses)} poses; one each is needed")
     paths = tuple(Path(image) for image in images)
-    found = []
+    found, copied = [], copies_of(paths)
     for i, path in enumerate(paths):
         progress(f"looking for the board: {i + 1} of {len(paths)}", _LOOKS * i / len(paths))
+        if i in copied:
+            found.append(_Found(np.empty((0, 2)), np.empty((0, 3)), f"a copy of {copied[i]}"))
+            continue
         try:
             found.append(_look(read_grey_image(path), camera, target))
         except InputError as error:

@@ -3,9 +3,10 @@
 With (x, y) = (X, Y)/Z, of a fisheye scaled to the length θ, and r = ‖(x, y)‖: x′ = x (1 + k1 r² + k2 r⁴ +
 k3 r⁶ + k4 r⁸) + p1 (r² + 2x²) + 2 p2 xy, y′ alike with p2 and p1; u = width/2 + cx + x′ (f + b1) + y′ b2,
 v = height/2 + cy + y′ f. Its p1 and p2 are OpenCV's p2 and p1, and (0.5, 0.5) is the first pixel's centre: ½
-is subtracted. Source: the appendix on camera models of Metashape's manual. Read only.
+is subtracted. Up to version 1.5 the part of p1 and p2 was multiplied by 1 + p3 r² + p4 r⁴. Source: the
+appendix on camera models of Metashape's manual. Read only.
 
-A frame camera with k4 and a fisheye with p1 or p2 are refused: no model of ours has them.
+A frame camera with k4, a fisheye with p1 or p2, and any with p3 or p4 are refused: no model of ours has them.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from omniservo.camera_files.document import FieldPath
 from omniservo.cameras.models import CentralModel, KannalaBrandt, Pinhole
 
 _KINDS = ("frame", "fisheye", "equidistant_fisheye")
-_OPTIONAL = ("cx", "cy", "b1", "b2", "k1", "k2", "k3", "k4", "p1", "p2")
+_OPTIONAL = ("cx", "cy", "b1", "b2", "k1", "k2", "k3", "k4", "p1", "p2", "p3", "p4")
 
 
 def recognises(fields: Any) -> bool:
@@ -28,7 +29,7 @@ def recognises(fields: Any) -> bool:
 
 
 def names(file: CalibrationFile) -> list[str]:
-    """Return the sensors' labels; a calibration alone has no name."""
+    """Return the sensors' labels, which may be alike, see `_places`; a calibration alone has no name."""
     return list(_places(file))
 
 
@@ -54,7 +55,7 @@ def read(file: CalibrationFile, name: str) -> CentralModel:
         "skew": number["b2"],
         **file.image_size((width, height), *at, *sides[0]),
     }
-    for odd in ("k4",) if kind == "frame" else ("p1", "p2"):
+    for odd in ("k4", "p3", "p4") if kind == "frame" else ("p1", "p2", "p3", "p4"):
         if number[odd] != 0.0:
             raise file.error(f"{number[odd]:g} given; legal of a {kind} camera: 0", *at, odd)
     if kind != "frame":
@@ -68,7 +69,9 @@ def _held(value: Any) -> Mapping[str, Any]:
 
 
 def _places(file: CalibrationFile) -> dict[str, FieldPath]:
-    """Return where each camera's calibration stands, by its name; of several the adjusted one.
+    """Return where each camera's calibration stands, by its name; of a sensor's the adjusted one.
+
+    Sensors may have one label, as those of one kind and those of several chunks: "label (2)" is the second.
 
     Raises:
         InputError: no sensor has a calibration.
@@ -79,6 +82,8 @@ def _places(file: CalibrationFile) -> dict[str, FieldPath]:
     for chunk in _each(file.fields, "document", "chunk"):
         for sensor in _each(file.fields, *chunk, "sensors", "sensor"):
             label = str(file.value(*sensor, "@label")) if file.has(*sensor, "@label") else str(len(found))
+            if label in found:
+                label = f"{label} ({len(found) + 1})"
             for calibration in _each(file.fields, *sensor, "calibration"):
                 if label not in found or file.value(*calibration).get("@class") == "adjusted":
                     found[label] = calibration

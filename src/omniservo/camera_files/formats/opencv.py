@@ -95,7 +95,9 @@ def read(file: CalibrationFile, name: str) -> CentralModel:
         return file.build(UnifiedCamera, *root, **given, xi=number, distortion=four or (0.0,) * 4)
     counts = (0, 4, 5, 8, 12, 14)
     coefficients = file.coefficients(*root, place, legal=counts) if place is not None else ()
-    if place is not None and _is_fisheye(file, held, root, place, len(coefficients)):
+    if _is_fisheye(file, held, root, place or _DISTORTION[0], len(coefficients)):
+        if place is None:
+            raise file.error("missing; a fisheye's k1 k2 k3 k4 are needed", *root, "distortion_coefficients")
         k = file.coefficients(*root, place, legal=(4,))
         return file.build(KannalaBrandt, *root, **given, k=k)
     return file.build(Pinhole, *root, **given, distortion=coefficients)

@@ -33,9 +33,15 @@ def read(file: CalibrationFile, name: str) -> CentralModel:
     """Return the camera of this stream.
 
     Raises:
-        InputError: another distortion, or a field is missing or not legal.
+        InputError: printed several times with other numbers, another distortion, or a field is missing or not
+            legal.
     """
     at = (STREAMS, name)
+    if isinstance(file.value(*at), list):
+        raise file.error(
+            "printed several times with other numbers, of several cameras or formats; keep the one you mean",
+            *at,
+        )
     kind = file.word((*_RADTAN, *_FISHEYE, "None"), *at, "Distortion")
     given: dict[str, Any] = {
         ours: file.number(*at, theirs, nonzero=theirs[0] == "F")
