@@ -27,7 +27,7 @@ class Tag:
     """
 
     dictionary: str
-    """name of the dictionary: tag36h11, 4x4_50, tagStandard41h12, …; OpenCV's, as DICT_4X4_50, becomes such"""
+    """name of the dictionary: tag36h11, 4x4_50, tagStandard41h12, …; OpenCV's DICT_4X4_50 becomes such"""
     id: int
     """number in the dictionary"""
     edge: float
