@@ -26,6 +26,7 @@ from omniservo.drive.messages import (
     stop_named,
 )
 from omniservo.errors import ConnectionLost, InputError, InvalidData, RobotLost, ServoStop
+from omniservo.geometry.arrays import FloatArray
 from omniservo.robots import ArmDriver, ArmMode, CameraImage, RobotState
 from omniservo.safety.supervisor import TICK, Passed, Supervisor, as_stop
 
@@ -90,6 +91,8 @@ class DriveLoop:
         self._camera = _Reported()
         self._driver: _Watched | None = None
         self._supervisor: Supervisor | None = None
+        self._found: FloatArray | None = None
+        """(n,) joints in which the arm was found first [rad]: a new connection moves no workspace"""
         self._failed: ServoStop | None = None
         """why there is no supervisor"""
         self._armed, self._arming_since, self._braking = False, math.nan, False
@@ -145,7 +148,9 @@ class DriveLoop:
                 wait=self._pause,
                 clock=time.monotonic,
                 options=setup.options,
+                found=self._found,
             )
+            self._found = self._supervisor.found
             with suppress(ServoStop):  # loads compiled code; an arm that is singular is told of later
                 joints = self._supervisor.read().joint_positions
                 setup.arm.joint_velocities(joints, np.zeros(6), setup.flange_T_camera)
@@ -193,6 +198,7 @@ class DriveLoop:
                 self._end(ConnectionLost("the process that leads the arm is gone"))
                 return
             self._guarded(partial(self._deal_with, message))
+            self._say()
             if left <= 0.0:
                 return
 
@@ -205,7 +211,7 @@ class DriveLoop:
             if self._supervisor is None:
                 self._failed = self._failed or stop
             else:
-                with suppress(RobotLost):
+                with suppress(ServoStop):
                     self._supervisor.stop(stop)
 
     def _deal_with(self, message: bytes) -> None:
@@ -235,29 +241,25 @@ class DriveLoop:
     def _move(self, move: DriveCommand) -> None:
         """Follow a command; one that comes when none may is answered by what the status says."""
         supervisor, self._number = self._supervisor, move.number
-        try:
-            if supervisor is None or self._stopped is not None or not self._armed:
-                return
-            self._see(move.seen_at)
-            late = time.monotonic() - move.valid_until
-            if late > 0.0:
-                raise DeadlinePassed(f"the command came {late:.3f} s after its deadline")
-            self._valid_until = move.valid_until
-            if move.twist is None:
-                self._passed = supervisor.command(move.joints if move.joints is not None else ())
-            else:
-                wished = move.joints
-                wish = None if wished is None else lambda _: wished
-                self._passed = supervisor.carry(move.twist, wish)
-        finally:
-            self._say()
+        if supervisor is None or self._stopped is not None or not self._armed:
+            return
+        self._see(move.seen_at)
+        late = time.monotonic() - move.valid_until
+        if late > 0.0:
+            raise DeadlinePassed(f"the command came {late:.3f} s after its deadline")
+        self._valid_until = move.valid_until
+        if move.twist is None:
+            self._passed = supervisor.command(move.joints if move.joints is not None else ())
+        else:
+            wished = move.joints
+            wish = None if wished is None else lambda _: wished
+            self._passed = supervisor.carry(move.twist, wish)
 
     def _stop_for(self, text: str) -> None:
         reason, _, words = text.partition("\0")
         stop = stop_named(reason, words) if reason else None
         if self._supervisor is not None:
             self._supervisor.stop(stop)
-        self._say()
 
     def _release(self, reason: str) -> None:
         """Go back to listening; nothing moves before the drive is armed again."""
@@ -265,11 +267,12 @@ class DriveLoop:
         if stopped is None or stopped.reason != reason:
             return
         self._armed, self._arming_since = False, math.nan
-        if self._supervisor is None or isinstance(stopped, RobotLost):
-            self._disconnect()
-            self._connect()
-        else:
-            self._supervisor.release(reason)
+        if self._supervisor is not None and not isinstance(stopped, RobotLost):
+            with suppress(ServoStop):  # a driver that is at fault for good must be opened anew
+                self._supervisor.release(reason)
+                return
+        self._disconnect()
+        self._connect()
 
     def _tick(self) -> None:
         """Look at the arm, and lead it on."""
@@ -294,7 +297,7 @@ class DriveLoop:
     def _end(self, reason: ServoStop | None) -> None:
         self._ended = True
         if self._supervisor is not None:
-            with suppress(RobotLost):
+            with suppress(ServoStop):
                 self._supervisor.stop(reason)
 
     def _say(self) -> None:

@@ -19,7 +19,6 @@ from omniservo.errors import (
     NotFinite,
     NotInControl,
     ProtectiveStop,
-    RobotLost,
     ServoStop,
     SlowLoop,
     StaleImage,
@@ -27,7 +26,7 @@ from omniservo.errors import (
 )
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, finite_array, frozen
-from omniservo.robots import Arm, ArmDriver, CameraImage, CameraSource, RobotState
+from omniservo.robots import Arm, ArmDriver, ArmMode, CameraImage, CameraSource, RobotState
 from omniservo.safety.following_watch import FollowingWatch
 from omniservo.safety.motion_history import MotionHistory
 from omniservo.safety.motion_limits import approached, braked, slowed
@@ -83,6 +82,7 @@ class Supervisor:
         clock: on which joints and images are stamped [s]: ``time.monotonic`` on a real robot, whose time does
             not stand still between two waits; None: time passes in ``wait`` alone.
         options: see SafetyOptions.
+        found: (n,) joints in which the robot was found, for the options' workspace [rad]; None: as it stands.
 
     Raises:
         InputError: the driver has another number of joints than the arm, or there is no camera.
@@ -99,6 +99,7 @@ class Supervisor:
         wait: Callable[[float], None],
         clock: Callable[[], float] | None = None,
         options: SafetyOptions | None = None,
+        found: FloatArray | None = None,
     ) -> None:
         self.arm = arm
         """as given"""
@@ -120,8 +121,10 @@ class Supervisor:
         self._sent_time = self._seen_time = self._command_time = self._image_time = state.time
         self.history = MotionHistory(state, self.options.least_acceleration * arm.joint_acceleration)
         """what was sent and what was measured"""
-        base_T_initial = arm.base_T_flange(state.joint_positions) * flange_T_camera
-        self._stoppable = Stoppable(arm, flange_T_camera, base_T_initial, self.options)
+        self.found = frozen(state.joint_positions) if found is None else found
+        """(n,) joints in which the robot was found [rad]"""
+        base_T_found = arm.base_T_flange(self.found) * flange_T_camera
+        self._stoppable = Stoppable(arm, flange_T_camera, base_T_found, self.options)
         self._following = FollowingWatch(arm, self.options)
 
     def read(self) -> RobotState:
@@ -275,7 +278,7 @@ class Supervisor:
             reason: what for; nothing moves it again until it is released. None: it may move on.
 
         Raises:
-            RobotLost: it could not be commanded to; nothing else can be done from here.
+            ServoStop: what arm or driver say instead; nothing else can be done from here.
         """
         self.stopped = self.stopped or reason
         self._target, self._carried = np.zeros(self.arm.dof), None
@@ -285,21 +288,20 @@ class Supervisor:
             try:
                 while obeys and self._sent.any() and not self._silent:
                     self._link.wait(TICK)
-                    if not self._silent:
-                        self._brake_on()
+                    obeys = not self._silent and self._brake_on()
             finally:
                 self._sent = np.zeros(self.arm.dof)
                 self.history.sent(self._sent)
                 self._link.stop()
-        except RobotLost as lost:
-            self.stopped = self.stopped or lost
+        except ServoStop as failed:
+            self.stopped = self.stopped or failed
             raise
 
     def close(self) -> None:
         """Brake, then end the connections to arm and camera.
 
         Raises:
-            RobotLost: one of the two does not answer.
+            ServoStop: as `stop`; or one of the two does not answer.
         """
         try:
             self.stop()
@@ -311,16 +313,19 @@ class Supervisor:
         """Whether the arm was sent nothing for so long that its own watchdog may have stopped it."""
         return self._link.silence > self.options.reaction
 
-    def _brake_on(self) -> None:
-        """Lead the joints one tick nearer to rest."""
+    def _brake_on(self) -> bool:
+        """Lead the joints one tick nearer to rest; return whether the arm takes commands at all."""
         elapsed = TICK  # where nothing or nonsense is read: what was waited for
         with suppress(ServoStop):
             state = self._seen_state()
+            if state.mode is not ArmMode.READY:
+                return False
             elapsed = state.time - self._sent_time if 0.0 < state.time - self._sent_time < TICK else TICK
             self._sent_time = state.time
         self._sent = braked(self._sent, self.arm.joint_acceleration * elapsed)
         self._link.command(self._sent)
         self.history.sent(self._sent)
+        return True
 
     @contextmanager
     def _braking(self) -> Iterator[None]:
@@ -330,8 +335,8 @@ class Supervisor:
         except BaseException as error:
             try:
                 self.stop(as_stop(error))
-            except RobotLost as lost:
-                error.add_note(f"braking: {lost}")
+            except ServoStop as failed:
+                error.add_note(f"braking: {failed}")
             raise
 
     def _refuse_stopped(self) -> None:
