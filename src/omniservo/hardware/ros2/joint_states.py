@@ -61,7 +61,9 @@ class JointStates:
             return None
         self._stamp = stamp
         positions = message.position[order]
-        velocities = message.velocity[order] if len(message.velocity) else self._differences(time, positions)
+        velocities: FloatArray | None = message.velocity[order] if len(message.velocity) else None
+        if velocities is None or np.isnan(velocities).all():  # so ros2_control says that there are none
+            velocities = self._differences(time, positions)
         return None if velocities is None else RobotState(time, positions, velocities)
 
     def missing(self) -> str:
@@ -75,7 +77,7 @@ class JointStates:
 
     def _order_of(self, message: JointStateMessage) -> list[int] | None:
         names = tuple(message.name)
-        if names != self._order[0]:
+        if not names or names != self._order[0]:
             if len(self.heard) < _MOST_NAMES:
                 self.heard.update(dict.fromkeys(names))
             lacking = [name for name in self._names if name not in names]

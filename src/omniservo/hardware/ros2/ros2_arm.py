@@ -159,12 +159,15 @@ class Ros2Arm:
     def stop(self) -> None:
         """Brake to standstill as fast as the accelerations allow; nothing where nothing was commanded.
 
+        Nor is anything sent to an arm that somebody else commands by now, once its last motion is over.
+
         Raises:
             ConnectionLost: no one publishes joint states any more; it is sent all the same.
         """
         with self._lock:
-            if self._motion is not None and not self._closing.is_set():
-                self._begin(self._motion.at(time.monotonic())[1], 0.0)
+            now, motion = time.monotonic(), None if self._closing.is_set() else self._motion
+            if motion is not None and (now < motion.end or not self._not_in_control):
+                self._begin(motion.at(now)[1], 0.0)
             self._refuse_fault()
 
     def close(self) -> None:
