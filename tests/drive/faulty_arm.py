@@ -81,6 +81,10 @@ class FaultyArm:
             return replace(state, joint_positions=state.joint_positions[::-1])
         if fault == "short":
             return replace(state, joint_positions=np.zeros(5), joint_velocities=np.zeros(5))
+        if fault == "timeless":
+            return replace(state, time=None)
+        if fault == "other_mode":
+            return replace(state, mode="running")
         if fault == "clock_back":
             return replace(state, time=state.time - 1.0)
         if fault == "clock_ahead":

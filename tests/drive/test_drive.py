@@ -318,6 +318,8 @@ def test_joint_velocities_too_and_what_became_of_them_is_told(listening):
         ("frozen", "stale_joints"),
         ("nan", "not_finite"),
         ("short", "invalid_data"),
+        ("timeless", "invalid_data"),
+        ("other_mode", "invalid_data"),
         ("reordered", "not_following"),
         ("clock_back", "clock_fault"),
         ("clock_ahead", "clock_fault"),

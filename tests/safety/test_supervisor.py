@@ -347,6 +347,22 @@ def test_a_driver_that_stops_by_another_name_where_it_is_to_brake_hides_nothing(
     assert written.stops == 1
 
 
+def test_an_arm_is_braked_although_what_was_sent_cannot_be_recorded(guard, written):
+    supervisor = guard()
+    supervisor.command(SLOW)
+    supervisor.wait(0.1)
+
+    def full(news):
+        raise OSError("no space left on device")
+
+    supervisor.history.told = full
+    with pytest.raises(OSError, match="no space"):
+        supervisor.wait(0.1)
+    assert written.stops == 1
+    written.robot.advance(0.3)
+    assert np.abs(written.robot.read().joint_velocities).max() < 1e-2
+
+
 def test_an_arm_that_its_controller_stops_while_it_brakes_is_commanded_no_more(guard, written):
     supervisor = guard()
     supervisor.command(SLOW)

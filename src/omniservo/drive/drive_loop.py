@@ -28,6 +28,7 @@ from omniservo.drive.messages import (
 from omniservo.errors import ConnectionLost, InputError, InvalidData, RobotLost, ServoStop
 from omniservo.geometry.arrays import FloatArray
 from omniservo.robots import ArmDriver, ArmMode, CameraImage, RobotState
+from omniservo.safety.robot_link import checked_state
 from omniservo.safety.supervisor import TICK, Passed, Supervisor, as_stop
 
 LATE = 5e-3
@@ -54,23 +55,20 @@ class _Reported:
 
 
 class _Watched:
-    """The arm's driver, with what went through it last."""
+    """The arm's driver, with the last state that is one."""
 
-    def __init__(self, driver: ArmDriver) -> None:
-        self._driver = driver
+    def __init__(self, driver: ArmDriver, dof: int) -> None:
+        self._driver, self._dof = driver, dof
         self.state: RobotState | None = None
-        self.sent: npt.ArrayLike | None = None
 
     def read(self) -> RobotState:
-        self.state = self._driver.read()
+        self.state = checked_state(self._driver.read(), self._dof)
         return self.state
 
     def command(self, joint_velocities: npt.ArrayLike) -> None:
-        self.sent = joint_velocities
         self._driver.command(joint_velocities)
 
     def stop(self) -> None:
-        self.sent = None
         self._driver.stop()
 
     def close(self) -> None:
@@ -139,7 +137,7 @@ class DriveLoop:
         setup, self._failed = self._setup, None
         self._say()
         try:
-            self._driver = _Watched(setup.opener.open(setup.arm))
+            self._driver = _Watched(setup.opener.open(setup.arm), setup.arm.dof)
             self._supervisor = Supervisor(
                 self._driver,
                 setup.arm,
@@ -307,8 +305,7 @@ class DriveLoop:
             state = self._driver.state
         joints = np.zeros((5, dof))
         if self._supervisor is not None and state is not None:
-            with suppress(ValueError, TypeError):  # of a driver that gives nonsense
-                joints[:2] = state.joint_positions, state.joint_velocities
+            joints[:2] = state.joint_positions, state.joint_velocities
             joints[2] = self._supervisor.sent
         joints[3:] = self._passed.target, self._passed.wanted
         status = Status(

@@ -291,11 +291,12 @@ class Supervisor:
                     obeys = not self._silent and self._brake_on()
             finally:
                 self._sent = np.zeros(self.arm.dof)
-                self.history.sent(self._sent)
                 self._link.stop()
         except ServoStop as failed:
             self.stopped = self.stopped or failed
             raise
+        finally:  # last: who is told of it may raise
+            self.history.sent(self._sent)
 
     def close(self) -> None:
         """Brake, then end the connections to arm and camera.
