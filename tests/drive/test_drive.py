@@ -425,6 +425,17 @@ def test_a_drive_that_hangs_gives_no_joints(listening):
     assert client.read() is not None
 
 
+def test_words_that_are_no_unicode_stop_all_the_same(listening):
+    """Such as the name of a file that another system wrote."""
+    client, folder = listening
+    client.enable()
+    lead(client, 0.2)
+    client.stop(ServoStop("no file \udcff.png"))
+    assert client.status.phase is Phase.STOPPED
+    assert str(client.stopped) == "no file ?.png"
+    stays_stopped(client, folder)
+
+
 def test_a_command_that_comes_after_its_deadline_is_said_not_to_be_followed(listening, monkeypatch):
     client, folder = listening
     client.enable()
