@@ -118,7 +118,8 @@ class Supervisor:
             state = self._link.read()
         except InvalidData as error:
             raise InputError(str(error)) from error
-        self._sent_time = self._seen_time = self._command_time = self._image_time = state.time
+        self._seen_time = self._command_time = self._image_time = state.time
+        self._sent_time = self._link.now
         self.history = MotionHistory(state, self.options.least_acceleration * arm.joint_acceleration)
         """what was sent and what was measured"""
         self.found = frozen(state.joint_positions) if found is None else found
@@ -166,7 +167,7 @@ class Supervisor:
         with self._braking():
             state = self._seen_state()
             self.history.begin(state)
-            self._sent_time = state.time
+            self._sent_time = self._link.now
 
     def command(self, joint_velocities: npt.ArrayLike) -> Passed:
         """Move with these joint velocities (n,) [rad/s], or as near to them as the limits allow.
@@ -255,7 +256,7 @@ class Supervisor:
             if self._carried is not None and state.time - self._carried_time > TICK - _ROUNDING:
                 self._carried_time = state.time
                 self._target = self._slowed(state, self._checked_command(self._carried(state)))[0]
-            self._pass(state, self._led_on(state))
+            self._pass(state, self._led_on())
 
     def hold(self) -> None:
         """Tell the standing robot to stand: proof that commands arrive, and food for its watchdog.
@@ -268,7 +269,7 @@ class Supervisor:
             state = self._seen_state()
             self._link.refuse_old(state, self.options.joint_age)
             self._following.check(self.history)
-            self._sent_time = self._seen_time = state.time
+            self._sent_time, self._seen_time = self._link.now, state.time
             self._link.command(np.zeros(self.arm.dof))
 
     def stop(self, reason: ServoStop | None = None) -> None:
@@ -321,8 +322,8 @@ class Supervisor:
             state = self._seen_state()
             if state.mode is not ArmMode.READY:
                 return False
-            elapsed = state.time - self._sent_time if 0.0 < state.time - self._sent_time < TICK else TICK
-            self._sent_time = state.time
+            passed, self._sent_time = self._link.now - self._sent_time, self._link.now
+            elapsed = passed if 0.0 < passed < TICK else TICK
         self._sent = braked(self._sent, self.arm.joint_acceleration * elapsed)
         self._link.command(self._sent)
         self.history.sent(self._sent)
@@ -358,7 +359,7 @@ class Supervisor:
         if (np.abs(self._target - self._sent) > self.arm.joint_acceleration * period).any():
             limits = (*limits, "acceleration")
         self._command_time = state.time
-        self._pass(state, self._led_on(state))
+        self._pass(state, self._led_on())
         return Passed(frozen(wanted), frozen(self._target), limits)
 
     def _checked_command(self, joint_velocities: npt.ArrayLike) -> FloatArray:
@@ -385,9 +386,9 @@ class Supervisor:
         excess = float((speeds / bounds).max())
         return (within / excess, (*limits, "twist")) if excess > 1.0 else (within, limits)
 
-    def _led_on(self, state: RobotState) -> FloatArray:
+    def _led_on(self) -> FloatArray:
         """Return the velocities of now on the way from those sent last to the target."""
-        elapsed = min(max(state.time - self._sent_time, 0.0), TICK)
+        elapsed = min(max(self._link.now - self._sent_time, 0.0), TICK)
         return approached(self._sent, self._target, self.arm.joint_acceleration * elapsed)
 
     def _pass(self, state: RobotState, velocities: FloatArray) -> None:
@@ -407,7 +408,7 @@ class Supervisor:
             raise NotFinite(f"the command {velocities.tolist()} rad/s; it was not sent")
         self._link.refuse_old(state, self.options.joint_age)  # this process may have slept on the way here
         self._seen_time = state.time
-        self._sent, self._sent_time = velocities, state.time  # first: it may move though the call fails
+        self._sent, self._sent_time = velocities, self._link.now  # first: it may move though the call fails
         self._link.command(velocities)
         self.history.sent(velocities)
 
