@@ -10,7 +10,7 @@ import pytest
 import yaml
 from tests.hardware.served_arm import FORKS, NAMES, START, Served, command_on
 
-from omniservo.errors import ClockFault, ConnectionLost, InputError, InvalidData, NotInControl
+from omniservo.errors import ClockFault, ConnectionLost, InputError, InvalidData, NotFinite, NotInControl
 from omniservo.hardware import ArmConnection
 from omniservo.hardware.ros2.commands import HOLD, TrajectoryCommands, TwistCommands, VelocityCommands
 from omniservo.hardware.ros2.network import DdsNetwork
@@ -426,6 +426,30 @@ def test_a_stop_after_the_clock_was_set_back_begins_at_once(arm_only):
             arm.stop()
         assert wait_until(arm_only[1].take, "the stop")[-1].header.stamp.seconds == 0.0
         arm.close()
+
+
+def test_a_joint_that_is_no_number_is_never_commanded(arm_only):
+    """Trajectories begin where the joints are: the last place that was known must do for the stop."""
+
+    def unknown(message):
+        message.position[2] = np.nan
+
+    with Talking(arm_only[0]) as talking:
+        arm = opened()
+        arm.command([0.2, 0, 0, 0, 0, 0])
+        talking.change = unknown
+        with pytest.raises(NotFinite, match="'elbow' is at nan rad"):
+            wait_until(lambda: arm.read() is None, "the fault")
+        arm_only[1].take()
+        with pytest.raises(NotFinite):
+            arm.stop()
+        stop = wait_until(arm_only[1].take, "the stop")[-1]
+        assert np.isfinite([point.positions for point in stop.points]).all()
+        arm.close()
+        arm_only[1].take()
+        with pytest.raises(NotFinite):
+            opened()
+        assert arm_only[1].take() == []
 
 
 def test_velocities_that_no_message_has_are_differences_of_positions():
