@@ -25,6 +25,7 @@ from omniservo.ros_messages.messages import (
     TimeMessage,
 )
 from omniservo.runs.open_hardware import listen_to_arm
+from omniservo.runs.robot_check import watchdog_proof
 from omniservo.tasks import load_robot
 
 pytest.importorskip("cyclonedds", reason="no wheel of Cyclone DDS for this platform")
@@ -526,6 +527,20 @@ def test_velocities_go_in_the_controllers_order_and_are_braked_step_by_step():
         finally:
             arm.close()
         assert at_rest(served)["q"][0] > told["q"][0]
+
+
+def test_a_watchdog_that_is_only_stated_does_not_pass_for_one():
+    """The thread that brakes for a loop that hangs would pass for it, and ends with its process."""
+    commands = VelocityCommands(NAMES, watchdog=0.1)
+    with Served(DOMAIN, velocity=commands.topic) as served:
+        arm = opened(commands=commands)
+        try:
+            seconds, findings = watchdog_proof(Arm.rx60(), arm, lambda motion: None, arm.watchdog)
+            assert seconds > 0.9
+            assert "the watchdog promises 0.1 s" in findings[0]
+            at_rest(served)
+        finally:
+            arm.close()
 
 
 def test_rest_is_sent_even_where_the_thread_that_brakes_slept_through_the_braking(node):

@@ -170,6 +170,11 @@ class Ros2Arm:
                 self._begin(motion.at(now)[1], 0.0)
             self._refuse_fault()
 
+    def fall_silent(self) -> None:
+        """Send nothing more until `command` or `stop`, as if this program were killed."""
+        with self._lock:
+            self._rest_sent = True
+
     def close(self) -> None:
         """Brake what moves, wait until it was sent, leave the domain; a second call does nothing."""
         if self._closing.is_set():
