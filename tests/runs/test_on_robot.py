@@ -14,11 +14,13 @@ from scipy.spatial.transform import RigidTransform
 
 import omniservo.robots
 from omniservo.calibration.camera_delay import CameraDelay
+from omniservo.cli.main import main
 from omniservo.errors import InputError, NotInControl, ProtectiveStop
 from omniservo.hardware.rtde.server import UrStandIn
 from omniservo.robots import ArmMode, RobotState
 from omniservo.runs.on_robot import on_robot
 from omniservo.runs.open_hardware import open_bare, open_hardware, open_robot
+from omniservo.runs.robot_check import RobotCheck, StreamTimes
 from omniservo.runs.robot_delay import RobotDelay
 from omniservo.runs.robot_records import StoredDelay, require_check, save_check, save_delay, stored_delay
 from omniservo.runs.safety_of_task import safety_of_task
@@ -312,6 +314,18 @@ def filmed(tmp_path):
     for number in range(9):
         picture = np.full((TASK.camera.height, TASK.camera.width), 20 * number, np.uint8)
         write_png(picture, tmp_path / "images" / f"{number}.png")
+
+
+def test_a_check_says_what_the_driver_notices(robot_file, filmed, monkeypatch, capsys):
+    times = StreamTimes(500.0, 0.001, 0.002, 0.001)
+    found = RobotCheck(times, None, None, None, (), 0.1, None, ("no images come",))
+    monkeypatch.setattr("omniservo.runs.robot_check.check_robot", lambda *_: found)
+    with serving() as server:
+        server.speed_fraction = 0.5
+        path = robot_file(address=server.address, options=_ports(server))
+        with pytest.raises(SystemExit):
+            main(["robot", "check", str(path), "--yes"])
+    assert "notice           the pendant's speed slider stands at 50%" in capsys.readouterr().out
 
 
 def test_without_a_task_the_files_workspace_counts_too(robot_file, filmed):
