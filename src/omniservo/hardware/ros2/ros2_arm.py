@@ -6,6 +6,7 @@ import contextlib
 import threading
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -173,7 +174,8 @@ class Ros2Arm:
     def fall_silent(self) -> None:
         """Send nothing more until `command` or `stop`, as if this program were killed."""
         with self._lock:
-            self._rest_sent = True
+            if self._motion is not None and not self._commands.ends_by_itself:
+                self._motion = replace(self._motion, hold=np.inf)  # for all that this program does about it
 
     def close(self) -> None:
         """Brake what moves, wait until it was sent, leave the domain; a second call does nothing."""
