@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.cameras import preset
-from omniservo.errors import ConnectionLost
+from omniservo.errors import ClockFault, ConnectionLost
 from omniservo.robots import Arm, ArmMode, CameraImage
 from omniservo.scenes import Dots, Scene, Sensor
 from omniservo.simulation import RealTimeRobot
@@ -38,10 +38,14 @@ class FaultyArm:
 
     def __init__(self, folder):
         self.folder = Path(folder)
-        self.robot = RealTimeRobot(scene(), rendered=False)
+        self.robot = RealTimeRobot(replace(scene(), start_joints=self.start()), rendered=False)
+        self.clock_was_set = False
         self.log = (self.folder / "log").open("a", buffering=1)
         self.frozen = None
         self.note("open", ())
+
+    def start(self):
+        return START
 
     def note(self, what, numbers):
         self.log.write(f"{time.monotonic():.6f} {what} {' '.join(f'{x:.9g}' for x in numbers)}\n")
@@ -53,7 +57,14 @@ class FaultyArm:
         except FileNotFoundError:
             return ""
 
+    def refuse(self):
+        """Refuse everything once its clock was set, as a line whose listening has ended."""
+        self.clock_was_set |= self.fault == "clock_set"
+        if self.clock_was_set:
+            raise ClockFault("the sender's clock went ahead by 1.000 s")
+
     def read(self):
+        self.refuse()
         fault, state = self.fault, self.robot.read()
         if fault != "frozen":
             self.frozen = state
@@ -70,6 +81,10 @@ class FaultyArm:
             return replace(state, joint_positions=state.joint_positions[::-1])
         if fault == "short":
             return replace(state, joint_positions=np.zeros(5), joint_velocities=np.zeros(5))
+        if fault == "timeless":
+            return replace(state, time=None)
+        if fault == "other_mode":
+            return replace(state, mode="running")
         if fault == "clock_back":
             return replace(state, time=state.time - 1.0)
         if fault == "clock_ahead":
@@ -77,6 +92,7 @@ class FaultyArm:
         return replace(state, mode=modes.get(fault, ArmMode.READY))
 
     def command(self, velocities):
+        self.refuse()
         self.note("command", velocities)
         other = [0.2, 0, 0, 0, 0, 0] if self.fault == "second_commander" else np.zeros(6)
         self.robot.command(np.asarray(velocities) + other)
@@ -84,11 +100,24 @@ class FaultyArm:
     def stop(self):
         self.note("stop", ())
         self.robot.stop()
+        self.refuse()
 
     def close(self):
         self.note("close", self.robot.read().joint_velocities)
         self.robot.close()
         self.log.close()
+
+
+class Staying(FaultyArm):
+    """Opened again, it stands where it was closed."""
+
+    def start(self):
+        place = self.folder / "joints.npy"
+        return np.load(place) if place.exists() else START
+
+    def close(self):
+        np.save(self.folder / "joints.npy", self.robot.read().joint_positions)
+        super().close()
 
 
 class Unwatched(FaultyArm):

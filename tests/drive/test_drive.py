@@ -9,11 +9,19 @@ import time
 
 import numpy as np
 import pytest
-from tests.drive.faulty_arm import MOUNT, Clockwork, FaultyArm, Nowhere, Renamed, Unwatched, log_of
+from tests.drive.faulty_arm import MOUNT, Clockwork, FaultyArm, Nowhere, Renamed, Staying, Unwatched, log_of
 
 from omniservo.drive import ArmOpener, DeadlinePassed, DriveClient, Phase
 from omniservo.drive.messages import DriveCommand
-from omniservo.errors import ClockFault, ConnectionLost, InputError, InvalidData, NotFinite, ServoStop
+from omniservo.errors import (
+    ClockFault,
+    ConnectionLost,
+    InputError,
+    InvalidData,
+    NotFinite,
+    ServoStop,
+    StaleImage,
+)
 from omniservo.robots import Arm
 from omniservo.safety import SafetyOptions
 
@@ -164,6 +172,26 @@ def test_a_drive_process_that_ends_is_a_lost_connection(opened, kind):
         client.carry(SIDEWAYS)
 
 
+def test_a_new_connection_leaves_the_workspace_where_it_was(opened, tmp_path):
+    client = opened(Staying, options={"workspace": np.array([[-0.05] * 3, [0.05] * 3]), "reaction": 0.5})
+
+    def camera():
+        return client.arm.base_T_flange(client.read().joint_positions) * MOUNT
+
+    begin = camera()
+    client.enable()
+    lead(client, 0.7)
+    (tmp_path / "fault").write_text("lost")
+    assert led_until_stopped(client).reason == "connection"
+    with pytest.raises(ConnectionLost, match="the cable is out"):  # as it still is
+        client.release("connection")
+    (tmp_path / "fault").unlink()
+    client.release("connection")
+    client.enable()
+    assert led_until_stopped(client).reason == "workspace"
+    assert 0.025 < (begin.inv() * camera()).translation[0] < 0.05
+
+
 @pytest.fixture
 def leader(tmp_path):
     """A process that leads, and the id of its drive process."""
@@ -290,9 +318,12 @@ def test_joint_velocities_too_and_what_became_of_them_is_told(listening):
         ("frozen", "stale_joints"),
         ("nan", "not_finite"),
         ("short", "invalid_data"),
+        ("timeless", "invalid_data"),
+        ("other_mode", "invalid_data"),
         ("reordered", "not_following"),
         ("clock_back", "clock_fault"),
         ("clock_ahead", "clock_fault"),
+        ("clock_set", "clock_fault"),
         ("protective_stop", "protective_stop"),
         ("emergency_stop", "protective_stop"),
         ("not_in_control", "not_in_control"),
@@ -369,6 +400,49 @@ def test_a_command_that_none_follows_expires(listening):
     with pytest.raises(DeadlinePassed):
         client.read()
     client.read()  # told once
+    stays_stopped(client, folder)
+
+
+def test_before_the_first_image_nothing_moves_and_that_is_said(listening, camera, monkeypatch):
+    client, folder = listening
+    monkeypatch.setattr(camera, "image", lambda: None)
+    monkeypatch.setattr(client, "_seen_at", -np.inf)
+    client.enable()
+    with pytest.raises(StaleImage, match="no image came yet"):
+        client.carry(SIDEWAYS)
+    stays_stopped(client, folder)
+
+
+def test_a_drive_that_hangs_gives_no_joints(listening):
+    """Else who waits for images by the time of the joints would wait for ever."""
+    client, _ = listening
+    os.kill(client.process_id, signal.SIGSTOP)
+    try:
+        with pytest.raises(ConnectionLost, match="does not read a joint within 1 s"):
+            until(lambda: client.read() is None)
+    finally:
+        os.kill(client.process_id, signal.SIGCONT)
+    assert client.read() is not None
+
+
+def test_words_that_are_no_unicode_stop_all_the_same(listening):
+    """Such as the name of a file that another system wrote."""
+    client, folder = listening
+    client.enable()
+    lead(client, 0.2)
+    client.stop(ServoStop("no file \udcff.png"))
+    assert client.status.phase is Phase.STOPPED
+    assert str(client.stopped) == "no file ?.png"
+    stays_stopped(client, folder)
+
+
+def test_a_command_that_comes_after_its_deadline_is_said_not_to_be_followed(listening, monkeypatch):
+    client, folder = listening
+    client.enable()
+    client.image()
+    monkeypatch.setattr(client, "_life", -0.01)
+    with pytest.raises(DeadlinePassed, match="after its deadline"):
+        client.carry(SIDEWAYS)
     stays_stopped(client, folder)
 
 

@@ -7,9 +7,10 @@ import time
 
 import numpy as np
 import pytest
+import yaml
 from tests.hardware.served_arm import FORKS, NAMES, START, Served, command_on
 
-from omniservo.errors import ClockFault, ConnectionLost, InputError, InvalidData, NotInControl
+from omniservo.errors import ClockFault, ConnectionLost, InputError, InvalidData, NotFinite, NotInControl
 from omniservo.hardware import ArmConnection
 from omniservo.hardware.ros2.commands import HOLD, TrajectoryCommands, TwistCommands, VelocityCommands
 from omniservo.hardware.ros2.network import DdsNetwork
@@ -23,6 +24,9 @@ from omniservo.ros_messages.messages import (
     JointTrajectoryMessage,
     TimeMessage,
 )
+from omniservo.runs.open_hardware import listen_to_arm
+from omniservo.runs.robot_check import watchdog_proof
+from omniservo.tasks import load_robot
 
 pytest.importorskip("cyclonedds", reason="no wheel of Cyclone DDS for this platform")
 from omniservo.hardware.ros2.node import RosNode
@@ -296,12 +300,47 @@ def test_a_second_publisher_of_commands_takes_control_away_while_it_is_there(arm
             arm.close()
 
 
+def test_what_another_program_moves_by_now_is_not_stopped(arm_only):
+    """Its trajectory would be replaced by one that stands: a jolt of an arm in full motion."""
+    with Talking(arm_only[0]):
+        arm = opened()
+        arm.stop()
+        end = arm._motion.end
+        other = RosNode(HERE)
+        try:
+            _ = other.publish(TRAJECTORY, JointTrajectoryMessage)
+            wait_until(lambda: arm.read().mode is ArmMode.NOT_IN_CONTROL, "the mode")
+            wait_until(lambda: time.monotonic() > end, "the end of the motion")
+            arm_only[1].take()
+            arm.stop()
+            arm.close()
+            arm_only[1].wait(0.2)
+            assert arm_only[1].take() == []
+        finally:
+            other.close()
+
+
 def test_an_arm_that_moves_already_is_not_taken_over():
     with (
         Served(DOMAIN, moving=True),
         pytest.raises(NotInControl, match=r"the arm moves by 0\.\d+ rad/s before any command"),
     ):
         opened()
+
+
+def test_an_arm_that_somebody_else_moves_is_listened_to_without_a_command_of_ours(node, arm_only, tmp_path):
+    """As for `robot calibrate-hand-eye --on`: zeros would stop what the pendant or a hand moves."""
+    path, arm = tmp_path / "robot.yaml", Arm.rx60()
+    mount = {"model": "rx60", "flange_T_camera": {"translation": [0.0, 0.0, 0.1]}}
+    fields = {"format": "omniservo.robot/1", "driver": "ros2", "address": f"{DOMAIN}@localhost", "arm": mount}
+    fields |= {"joints": dict(zip(arm.joint_names, NAMES, strict=True))}
+    path.write_text(yaml.safe_dump(fields | {"camera": {"source": "v4l2:0", "calibration": "fe185"}}))
+    _ = node.publish(TRAJECTORY, JointTrajectoryMessage)  # the program that moves it
+    with Talking(arm_only[0], lambda message: message.velocity.fill(0.3)):
+        listening = listen_to_arm(load_robot(path), arm)
+        assert listening.read().joint_velocities == pytest.approx(np.full(6, 0.3))
+        listening.close()
+    assert arm_only[1].take() == []
 
 
 def test_a_publisher_that_goes_is_a_lost_connection(arm_only):
@@ -370,6 +409,48 @@ def test_a_clock_that_is_set_is_a_clock_fault(arm_only, step):
         with pytest.raises(ClockFault):
             wait_until(lambda: arm.read() is None, "the fault")
         arm.close()
+
+
+def test_a_stop_after_the_clock_was_set_back_begins_at_once(arm_only):
+    """By its stamp it began in five seconds, and until then a controller leads the joints to and fro."""
+    with Talking(arm_only[0]) as talking:
+        arm = opened()
+        arm.command([0.2, 0, 0, 0, 0, 0])
+        assert wait_until(arm_only[1].take, "a command")[-1].header.stamp.seconds > 0.0
+        talking.change = lambda message: setattr(
+            message.header, "stamp", TimeMessage.of(message.header.stamp.seconds - 5.0)
+        )
+        with pytest.raises(ClockFault):
+            wait_until(lambda: arm.command([0.2, 0, 0, 0, 0, 0]), "the fault")
+        arm_only[1].take()
+        with pytest.raises(ClockFault):
+            arm.stop()
+        assert wait_until(arm_only[1].take, "the stop")[-1].header.stamp.seconds == 0.0
+        arm.close()
+
+
+def test_a_joint_that_is_no_number_is_never_commanded(arm_only):
+    """Trajectories begin where the joints are: the last place that was known must do for the stop."""
+
+    def unknown(message):
+        message.position[2] = np.nan
+
+    with Talking(arm_only[0]) as talking:
+        arm = opened()
+        arm.command([0.2, 0, 0, 0, 0, 0])
+        talking.change = unknown
+        with pytest.raises(NotFinite, match="'elbow' is at nan rad"):
+            wait_until(lambda: arm.read() is None, "the fault")
+        arm_only[1].take()
+        with pytest.raises(NotFinite):
+            arm.stop()
+        stop = wait_until(arm_only[1].take, "the stop")[-1]
+        assert np.isfinite([point.positions for point in stop.points]).all()
+        arm.close()
+        arm_only[1].take()
+        with pytest.raises(NotFinite):
+            opened()
+        assert arm_only[1].take() == []
 
 
 def test_velocities_that_no_message_has_are_differences_of_positions():
@@ -446,6 +527,20 @@ def test_velocities_go_in_the_controllers_order_and_are_braked_step_by_step():
         finally:
             arm.close()
         assert at_rest(served)["q"][0] > told["q"][0]
+
+
+def test_a_watchdog_that_is_only_stated_does_not_pass_for_one():
+    """The thread that brakes for a loop that hangs would pass for it, and ends with its process."""
+    commands = VelocityCommands(NAMES, watchdog=0.1)
+    with Served(DOMAIN, velocity=commands.topic) as served:
+        arm = opened(commands=commands)
+        try:
+            seconds, findings = watchdog_proof(Arm.rx60(), arm, lambda motion: None, arm.watchdog)
+            assert seconds > 0.9
+            assert "the watchdog promises 0.1 s" in findings[0]
+            at_rest(served)
+        finally:
+            arm.close()
 
 
 def test_rest_is_sent_even_where_the_thread_that_brakes_slept_through_the_braking(node):

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import CubicHermiteSpline
 
-from omniservo.errors import InputError
+from omniservo.errors import InputError, NotFinite
 from omniservo.hardware.ros2.commands import HOLD, TrajectoryCommands
 from omniservo.hardware.ros2.endpoints import FOREVER, Endpoint, why_apart
 from omniservo.hardware.ros2.joint_states import JointStates
@@ -54,7 +54,7 @@ def test_a_trajectory_is_the_rest_of_the_motion_between_its_points_too(v, a, hol
     now = 10.0 + since
     message = TrajectoryCommands().message(motion, now, 77.5, np.zeros(3), NAMES)
     assert message.joint_names == list(NAMES)
-    assert message.header.stamp.seconds == 77.5
+    assert message.header.stamp.seconds == (77.5 if hold else 0.0)  # a stop begins on arrival
     times = np.array([point.time_from_start.seconds for point in message.points])
     assert (np.diff(times) > 0).all()
     assert times[0] == 0.0
@@ -140,6 +140,24 @@ def test_states_are_ordered_by_name_and_by_stamp():
     third = states.take(state(5.03, "xbac", (9.0, 2.1, 1.0, 3.0), ()), 105.03)
     assert third.joint_velocities == pytest.approx([0.0, 10.0, 0.0])
     assert third.time == pytest.approx(105.03, abs=1e-6)
+
+
+def test_messages_without_names_are_nobodys():
+    states = JointStates(NAMES)
+    assert states.take(state(5.0, "", (), ()), 105.0) is None
+    assert states.take(state(5.01, "", (), ()), 105.01) is None
+    assert states.take(state(5.02, velocity=()), 105.02) is None
+    assert states.take(state(5.03, velocity=()), 105.03).joint_positions.tolist() == [1.0, 2.0, 3.0]
+
+
+def test_velocities_that_are_all_nan_are_none():
+    """joint_state_broadcaster says so of joints whose hardware has positions alone."""
+    states, none = JointStates(NAMES), (np.nan, np.nan, np.nan)
+    assert states.take(state(5.0, velocity=none), 105.0) is None
+    moved = states.take(state(5.01, position=(3.0, 1.0, 2.1), velocity=none), 105.01)
+    assert moved.joint_velocities == pytest.approx([0.0, 10.0, 0.0])
+    with pytest.raises(NotFinite, match="'c' is at 3.0 rad, turning by nan rad/s"):
+        states.take(state(5.02, velocity=(np.nan, 10.0, 20.0)), 105.02)
 
 
 def test_what_is_missing_is_named_beside_what_is_there():

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from tests.hardware.wall_clock_arm import PATIENCE, WallClockArm, wait_for
 
-from omniservo.errors import ConnectionLost, InputError, NotInControl
-from omniservo.hardware import ArmConnection, LinkFaults
+from omniservo.errors import ClockFault, ConnectionLost, InputError, NotInControl
+from omniservo.hardware import ArmConnection, FaultyLine, LinkFaults
 from omniservo.hardware.rtde import UR_JOINTS, RtdeArm
 from omniservo.hardware.rtde.control_program import control_program
 from omniservo.hardware.rtde.server import UrStandIn
@@ -295,6 +295,24 @@ def test_the_controllers_clock_is_mapped_to_ours():
             assert states[-1].time <= now
         finally:
             arm.close()
+
+
+def test_an_arm_is_braked_although_its_controllers_clock_was_set(stand_in):
+    """It does not wait for the watchdog, nor does that end the program."""
+    arm = opened(stand_in)
+    try:
+        begin = arm.read().time
+        wait_for(lambda: arm.read().time > begin + 1.2, lambda: arm.command(SPEEDS))
+        stand_in._clock = FaultyLine(LinkFaults(clock_offset=1.0), stand_in._begin)
+        with pytest.raises(ClockFault):
+            wait_for(lambda: False, lambda: arm.command(SPEEDS))
+        assert stand_in.arm.speeds.any()
+        with pytest.raises(ClockFault):
+            arm.stop()
+        wait_for(lambda: not stand_in.arm.speeds.any())
+        assert stand_in.program_runs
+    finally:
+        arm.close()
 
 
 def test_states_and_commands_that_are_lost_are_made_up_by_later_ones():

@@ -3,6 +3,8 @@
 import json
 import time
 from contextlib import closing
+from itertools import product
+from pathlib import Path
 
 import jsonschema
 import numpy as np
@@ -10,14 +12,18 @@ import pytest
 import yaml
 from scipy.spatial.transform import RigidTransform
 
+import omniservo.robots
 from omniservo.calibration.camera_delay import CameraDelay
+from omniservo.cli.main import main
 from omniservo.errors import InputError, NotInControl, ProtectiveStop
 from omniservo.hardware.rtde.server import UrStandIn
 from omniservo.robots import ArmMode, RobotState
 from omniservo.runs.on_robot import on_robot
-from omniservo.runs.open_hardware import open_hardware, open_robot
+from omniservo.runs.open_hardware import open_bare, open_hardware, open_robot
+from omniservo.runs.robot_check import RobotCheck, StreamTimes
 from omniservo.runs.robot_delay import RobotDelay
 from omniservo.runs.robot_records import StoredDelay, require_check, save_check, save_delay, stored_delay
+from omniservo.runs.safety_of_task import safety_of_task
 from omniservo.safety import SafetyOptions
 from omniservo.scenes import scene_of_task
 from omniservo.schemas import json_schema
@@ -25,6 +31,7 @@ from omniservo.tasks import load_robot, load_task
 
 TASK = load_task("ur5e-table")
 MOUNT = TASK.arm.flange_T_camera.transform
+BOX = {"min": [-1.0, -1.0, 0.1], "max": [1.0, 1.0, 1.2]}
 
 
 @pytest.fixture
@@ -88,8 +95,7 @@ def test_everything_stays_where_it_is_in_the_arms_base_frame(robot_file):
 
 
 def test_a_workspace_of_the_robot_file_is_in_the_base_frame(robot_file):
-    box = {"min": [-1.0, -1.0, 0.1], "max": [1.0, 1.0, 1.2]}
-    robot = load_robot(robot_file(workspace=box))
+    robot = load_robot(robot_file(workspace=BOX))
     joints = scene_of_task(TASK).start_joints
     plain = TASK.model_copy(update={"planning": TASK.planning.model_copy(update={"workspace": None})})
     begun, _ = on_robot(plain, robot, robot.loaded_arm(), joints)
@@ -100,6 +106,23 @@ def test_a_workspace_of_the_robot_file_is_in_the_base_frame(robot_file):
     assert len(sides) == 6
     assert all(side.normal @ inside > side.offset for side in sides)
     assert any(side.normal @ outside < side.offset for side in sides)
+
+
+def heights(options, found):
+    """Return the lowest and the highest place that is allowed, in the base frame [m]."""
+    corners = np.array(list(product(*options.workspace.T)))
+    places = (found * options.found_T_workspace).apply(corners)
+    return places[:, 2].min(), places[:, 2].max()
+
+
+def test_no_more_than_that_workspace_is_watched_where_the_camera_looks_askew(robot_file):
+    """Its hull along the camera's axes would reach under the table."""
+    robot = load_robot(robot_file(workspace=BOX))
+    joints = scene_of_task(TASK).start_joints + np.deg2rad([0.0, 0.0, 0.0, 30.0, 20.0, 30.0])
+    plain = TASK.model_copy(update={"planning": TASK.planning.model_copy(update={"workspace": None})})
+    begun, scene = on_robot(plain, robot, robot.loaded_arm(), joints)
+    found = scene.arm.base_T_flange(joints) * scene.flange_T_camera
+    assert heights(safety_of_task(begun), found) == pytest.approx((0.1 - 0.03, 1.2 + 0.03))
 
 
 @pytest.mark.parametrize(
@@ -128,10 +151,14 @@ def opened(robot_file, server, **changes):
 
 
 @pytest.mark.parametrize(
-    ("mode", "stop"), [(ArmMode.PROTECTIVE_STOP, ProtectiveStop), (ArmMode.NOT_IN_CONTROL, NotInControl)]
+    ("mode", "stop", "words"),
+    [
+        (ArmMode.PROTECTIVE_STOP, ProtectiveStop, "the arm's controller reports: protective stop"),
+        (ArmMode.NOT_IN_CONTROL, NotInControl, "no commands from this program: robot idle, safety normal"),
+    ],
 )
-def test_an_arm_that_may_not_move_is_refused_by_name(robot_file, mode, stop):
-    with serving(mode) as server, pytest.raises(stop):
+def test_an_arm_that_may_not_move_is_refused_by_name(robot_file, mode, stop, words):
+    with serving(mode) as server, pytest.raises(stop, match=words):
         opened(robot_file, server, options={**_ports(server), "send_program": False})
 
 
@@ -192,17 +219,40 @@ def test_a_driver_file_in_a_robot_file_is_not_run(robot_file, tmp_path):
 def test_a_run_needs_a_fresh_check_of_the_same_file(robot_file):
     path = robot_file()
     with pytest.raises(InputError, match="not checked yet; run: omniservo robot check"):
-        require_check(path)
-    kept = save_check(path)
-    require_check(path)
+        require_check(path, load_robot(path))
+    kept = save_check(path, load_robot(path))
+    require_check(path, load_robot(path))
     robot_file(speed=0.5)
     with pytest.raises(InputError, match="changed since it was checked"):
-        require_check(path)
-    save_check(path)
+        require_check(path, load_robot(path))
+    save_check(path, load_robot(path))
     document = json.loads(kept.read_text())
     kept.write_text(json.dumps({**document, "time": document["time"] - 30.0 * 3600.0}))
     with pytest.raises(InputError, match="checked 30 h ago; at most 24 h"):
-        require_check(path)
+        require_check(path, load_robot(path))
+
+
+def test_a_check_of_another_driver_or_camera_is_none_of_this_robot(robot_file):
+    path = robot_file()
+    save_check(path, load_robot(path), "stand_in.py:Arm")
+    require_check(path, load_robot(path), "stand_in.py:Arm")
+    with pytest.raises(InputError, match=r"checked with driver 'stand_in\.py:Arm'; it is 'rtde' now; run"):
+        require_check(path, load_robot(path))
+    save_check(path, load_robot(path, camera_source="v4l2:1"))
+    with pytest.raises(InputError, match="checked with camera_source 'v4l2:1'"):
+        require_check(path, load_robot(path))
+
+
+def test_a_check_is_of_the_arms_file_and_the_mounts_too(robot_file, tmp_path):
+    model = tmp_path / "arm.xml"
+    model.write_text((Path(omniservo.robots.__file__).parent / "shipped" / "rx60.xml").read_text())
+    mount = {"translation": [0.0, 0.0, 0.1]}
+    path = robot_file(arm={"model": "arm.xml", "flange_T_camera": mount})
+    save_check(path, load_robot(path))
+    require_check(path, load_robot(path))
+    model.write_text(model.read_text().replace('axis="0 1 0"', 'axis="0 -1 0"', 1))
+    with pytest.raises(InputError, match="changed since it was checked, or a file that it names"):
+        require_check(path, load_robot(path))
 
 
 FOUND = RobotDelay(CameraDelay(0.043, 0.0015, 0.2, 90.0), 0.021, 0.001, 120)
@@ -236,6 +286,15 @@ def test_what_was_measured_of_something_else_is_refused(robot_file, changes, fie
         stored_delay(path, load_robot(path))
 
 
+def test_what_was_measured_with_another_driver_is_refused(robot_file):
+    path = robot_file()
+    save_delay(path, load_robot(path), FOUND)
+    with pytest.raises(InputError, match=r"measured with driver 'rtde'; it is 'own\.py:Arm' now"):
+        stored_delay(path, load_robot(path), "own.py:Arm")
+    save_delay(path, load_robot(path), FOUND, "own.py:Arm")
+    assert stored_delay(path, load_robot(path), "own.py:Arm").camera_offset == 0.043
+
+
 @pytest.mark.parametrize("field", ["camera_offset_s", "camera_offset_sigma_s", "actuation_lag_s"])
 @pytest.mark.parametrize("value", [None, "0.1", -9.0, 9e9])
 def test_a_record_that_is_none_is_refused_by_its_field(robot_file, field, value):
@@ -246,13 +305,40 @@ def test_a_record_that_is_none_is_refused_by_its_field(robot_file, field, value)
         stored_delay(path, load_robot(path))
 
 
-def test_a_run_uses_what_was_measured(robot_file, tmp_path):
+@pytest.fixture
+def filmed(tmp_path):
+    """The robot file's camera has images."""
     from omniservo.files.image_files import write_png
 
     (tmp_path / "images").mkdir()
     for number in range(9):
         picture = np.full((TASK.camera.height, TASK.camera.width), 20 * number, np.uint8)
         write_png(picture, tmp_path / "images" / f"{number}.png")
+
+
+def test_a_check_says_what_the_driver_notices(robot_file, filmed, monkeypatch, capsys):
+    times = StreamTimes(500.0, 0.001, 0.002, 0.001)
+    found = RobotCheck(times, None, None, None, (), 0.1, None, ("no images come",))
+    monkeypatch.setattr("omniservo.runs.robot_check.check_robot", lambda *_: found)
+    with serving() as server:
+        server.speed_fraction = 0.5
+        path = robot_file(address=server.address, options=_ports(server))
+        with pytest.raises(SystemExit):
+            main(["robot", "check", str(path), "--yes"])
+    assert "notice           the pendant's speed slider stands at 50%" in capsys.readouterr().out
+
+
+def test_without_a_task_the_files_workspace_counts_too(robot_file, filmed):
+    with serving() as server:
+        path = robot_file(address=server.address, options=_ports(server), workspace=BOX)
+        cell = open_bare(load_robot(path), lambda motion: pytest.fail(motion), SafetyOptions())
+        with closing(cell):
+            scene = cell.scene
+            found = scene.arm.base_T_flange(scene.start_joints) * scene.flange_T_camera
+            assert heights(cell._client.options, found) == pytest.approx((0.1, 1.2))
+
+
+def test_a_run_uses_what_was_measured(robot_file, filmed):
     with serving() as server:
         path = robot_file(address=server.address, options=_ports(server))
         delay = StoredDelay(0.043, 0.0015, 0.021)

@@ -20,7 +20,7 @@ from omniservo.recording import Attachment, QueuedRecording, Recorded, RecordedR
 from omniservo.runs import open_hardware, recording_beside, replay_run, run_task, teach_goal
 from omniservo.runs.robot_records import save_check
 from omniservo.runs.safety_of_task import safety_of_task
-from omniservo.tasks import load_task
+from omniservo.tasks import load_robot, load_task
 
 
 def patient(task):
@@ -55,7 +55,7 @@ def served(job):
             assert serving.poll() is None
             assert time.monotonic() < end
             time.sleep(0.1)
-        save_check(job / "robot.yaml")
+        save_check(job / "robot.yaml", load_robot(job / "robot.yaml"))
         yield job
     finally:
         serving.terminate()  # a test in the background, and what it starts, hears no Ctrl-C

@@ -172,6 +172,17 @@ def test_a_second_of_silence_in_mid_motion_is_waited_for_and_the_goal_is_reached
     assert run.controller.report.w == pytest.approx(1.0, abs=1e-6)
 
 
+def test_an_arm_stands_whatever_is_raised_by_who_is_told_that_it_waits(drive, written):
+    def told(run):
+        run.waits = SimpleNamespace(append=lambda waiting: 1 / 0)
+
+    with pytest.raises(ZeroDivisionError):
+        drive(SILENT, prepare=told)
+    assert not written.commands[-1][1].any()
+    written.robot.advance(0.1)
+    assert np.abs(written.robot.read().joint_velocities).max() < 1e-2
+
+
 def test_it_takes_as_much_longer_as_it_was_silent_and_slowed(drive, silent):
     whole = drive()
     assert (whole.stop, whole.waits) == (None, [])

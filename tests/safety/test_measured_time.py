@@ -67,6 +67,29 @@ def test_without_a_clock_what_is_waited_for_passes(guard):
     assert supervisor.wait(0.1) == pytest.approx(0.1)
 
 
+@pytest.mark.parametrize("period", [0.0, 0.01, 0.02])
+def test_joints_speed_up_and_slow_down_as_fast_however_seldom_they_are_read(on_clock, written, arm, period):
+    """Controllers of 100 states a second are common; the arm is led on at every tick all the same."""
+    robot, newest = written.robot, [written.robot.read()]
+
+    def read():
+        if robot.time - newest[0].time > period - 1e-9:
+            newest[0] = robot.read()
+        return newest[0]
+
+    written.read = read
+    supervisor, fast = on_clock(), 2.0
+    needed = fast / arm.joint_acceleration[5]
+    for target, since in ((fast, 0.0), (0.0, fast)):
+        begin, count = robot.time, len(written.commands)
+        supervisor.command([0, 0, 0, 0, 0, target])
+        supervisor.wait(needed + 4 * TICK)
+        ramp = [(t - begin, v[5]) for t, v in written.commands[count:]]
+        assert abs(ramp[0][1] - since) <= arm.joint_acceleration[5] * TICK + 1e-9  # no jump after a rest
+        assert ramp[-1][1] == pytest.approx(target)
+        assert next(t for t, v in ramp if v == pytest.approx(target)) <= needed + 2 * TICK
+
+
 def test_joints_that_grow_old_stop_the_moving_robot(on_clock, written):
     supervisor = on_clock(joint_age=0.05)
     supervisor.command(SLOW)

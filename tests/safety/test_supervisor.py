@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.errors import (
+    ClockFault,
     InputError,
     JointLimit,
     NotFinite,
@@ -13,7 +15,7 @@ from omniservo.errors import (
     StaleImage,
     WorkspaceLimit,
 )
-from omniservo.robots import Arm, ArmDriver, CameraImage, CameraSource
+from omniservo.robots import Arm, ArmDriver, ArmMode, CameraImage, CameraSource
 from omniservo.safety import Supervisor
 
 SLOW = np.array([0.3, -0.2, 0.25, 0.4, -0.3, 0.5])
@@ -244,6 +246,21 @@ def test_the_camera_is_stopped_inside_its_workspace(guard, arm, scene, written, 
     assert np.abs(places).max() > 0.02
 
 
+def test_a_workspace_may_lie_askew_to_the_camera(guard, arm, scene, written):
+    """As that of a robot file does, which is stated in the base frame. A box around it would be larger."""
+    written.robot.place(scene.start_joints - [0, 0, 0, 0, 0.5, 0])
+    start = arm.base_T_flange(written.robot.read().joint_positions) * scene.flange_T_camera
+    askew = RigidTransform.from_rotation(Rotation.from_euler("zyx", [30, 40, 20], degrees=True))
+    supervisor = guard(workspace=[[-0.05] * 3, [0.05] * 3], found_T_workspace=askew)
+    twist = np.concatenate((askew.rotation.apply([0.0, 0.0, -0.1]), np.zeros(3)))
+    with pytest.raises(WorkspaceLimit, match="the camera at z = -0"):
+        while True:
+            supervisor.carry(twist)
+            supervisor.wait(0.02)
+    ways = [start.inv() * arm.base_T_flange(q) * scene.flange_T_camera for q in written.joints]
+    assert -0.05 < askew.inv().apply([way.translation for way in ways])[:, 2].min() < -0.02
+
+
 def test_an_old_image_brakes_the_arm_even_where_nobody_asks_for_images(guard, written):
     supervisor = guard(image_age=0.25)
     supervisor.command(SLOW)
@@ -311,6 +328,51 @@ def test_an_error_of_the_robot_itself_brakes_it_and_is_the_loss_of_it(guard, wri
     assert written.stops >= 1
     written.robot.advance(0.3)
     assert np.abs(written.robot.read().joint_velocities).max() < 1e-2
+
+
+def test_a_driver_that_stops_by_another_name_where_it_is_to_brake_hides_nothing(guard, written):
+    """An adapter whose line is at fault says so whatever it is asked for."""
+    supervisor = guard()
+    supervisor.command(SLOW)
+    supervisor.wait(0.1)
+
+    def at_fault(*_):
+        raise ClockFault("the sender's clock went back by 3.000 s")
+
+    stop, written.command, written.stop = written.stop, at_fault, lambda: (stop(), at_fault())
+    with pytest.raises(NotFinite, match="command for j5") as raised:
+        supervisor.command([0, 0, 0, 0, np.nan, 0])
+    assert raised.value.__notes__ == ["braking: the sender's clock went back by 3.000 s"]
+    assert supervisor.stopped.reason == "not_finite"
+    assert written.stops == 1
+
+
+def test_an_arm_is_braked_although_what_was_sent_cannot_be_recorded(guard, written):
+    supervisor = guard()
+    supervisor.command(SLOW)
+    supervisor.wait(0.1)
+
+    def full(news):
+        raise OSError("no space left on device")
+
+    supervisor.history.told = full
+    with pytest.raises(OSError, match="no space"):
+        supervisor.wait(0.1)
+    assert written.stops == 1
+    written.robot.advance(0.3)
+    assert np.abs(written.robot.read().joint_velocities).max() < 1e-2
+
+
+def test_an_arm_that_its_controller_stops_while_it_brakes_is_commanded_no_more(guard, written):
+    supervisor = guard()
+    supervisor.command(SLOW)
+    supervisor.wait(0.3)
+    written.broken["mode"] = ArmMode.PROTECTIVE_STOP
+    count = len(written.commands)
+    supervisor.stop(StaleImage("the image is old"))
+    assert len(written.commands) == count
+    assert written.stops == 1
+    assert supervisor.stopped.reason == "stale_image"
 
 
 NEAR_SINGULAR = np.radians([-40.0, 40.0, -65.0, 30.0, 8.0, 10.0])

@@ -17,6 +17,7 @@ from omniservo.schemas import FORMATS, json_schema, short_name
 from omniservo.shipped_studies import study_file
 from omniservo.studies.load_study import load_study, study_of_fields
 from omniservo.studies.study_folder import StudyHeader, this_machine
+from omniservo.tasks import load_robot
 from omniservo.tasks.task_files import TaskFiles
 
 SOURCE = Path(__file__).resolve().parents[2] / "src/omniservo"
@@ -132,8 +133,11 @@ def test_what_a_study_s_folder_says_is_valid(validators):
 
 def test_the_record_of_a_check_is_valid(validators, tmp_path):
     robot = tmp_path / "robot.yaml"
-    robot.write_text("format: omniservo.robot/1")
-    validators["robot-check"].validate(json.loads(save_check(robot).read_text()))
+    robot.write_text(
+        "{format: omniservo.robot/1, driver: rtde, arm: {model: ur5e, flange_T_camera: {}}, "
+        "camera: {source: v4l2:0, calibration: fe185}}"
+    )
+    validators["robot-check"].validate(json.loads(save_check(robot, load_robot(robot)).read_text()))
 
 
 def test_an_unknown_format_is_refused_with_the_known_ones():

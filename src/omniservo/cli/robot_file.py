@@ -130,9 +130,9 @@ class OnRobot(RobotParts):
         from omniservo.runs.open_hardware import open_hardware
         from omniservo.runs.robot_records import require_check, stored_delay
 
-        require_check(self.on)
         robot = self.load(self.on, self.speed, allow_outside=self.allow_outside)
-        delay = stored_delay(self.on, robot)
+        require_check(self.on, robot, self.driver)
+        delay = stored_delay(self.on, robot, self.driver)
         progress("connecting to arm and camera")
         begun, cell = open_hardware(task, robot, approve, self.driver, delay)
         with closing(cell):

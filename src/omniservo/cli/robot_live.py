@@ -48,7 +48,7 @@ def check(
         with closing(connection), closing(open_robot_camera(loaded)) as camera:
             progress("listening")
             found = check_robot(loaded, arm, connection, camera, approval)
-            notice = camera.notice
+            notices = [*getattr(connection, "notices", ()), *filter(None, [camera.notice])]
     output.line(f"{'joints':<16} {_spelled(found.joints)}")
     output.line(f"{'images':<16} {'none' if found.images is None else _spelled(found.images)}")
     output.line(f"{'arm clock':<16} {_spelled_clock(found.arm_clock)}")
@@ -59,14 +59,14 @@ def check(
         output.line(f"{'joint':<16} {answer.joint}: sent by {sent:+.2f} deg, turned by {turned:+.2f} deg")
     if found.stop_seconds is not None:
         output.line(f"{'watchdog':<16} stands {found.stop_seconds:.3f} s after the last command")
-    if notice is not None:
+    for notice in notices:
         output.line(f"{'notice':<16} {notice}")
     for finding in found.findings:
         output.line(f"{'to be mended':<16} {finding}")
-    output.result(check_fields(found, notice), "robot-check")
+    output.result(check_fields(found, "; ".join(notices) or None), "robot-check")
     if found.findings:
         raise answer_is_no("; ".join(found.findings))
-    output.written(save_check(robot))
+    output.written(save_check(robot, loaded, parts.driver))
 
 
 def check_fields(found: RobotCheck, notice: str | None) -> dict[str, Any]:
@@ -107,7 +107,7 @@ def delay(
     output.line(f"{'camera':<16} {_spelled_time(camera.offset, camera.sigma)} from its stamps to the joints'")
     output.line(f"{'actuation':<16} {lag} behind commands")
     output.line(f"{'residual':<16} {camera.rms_px:.2f} px rms, {found.images} images, {camera.flow:.0f} px/s")
-    output.written(save_delay(robot, loaded, found))
+    output.written(save_delay(robot, loaded, found, parts.driver))
     output.result(
         {
             "camera_offset_s": camera.offset,

@@ -31,7 +31,7 @@ from omniservo.drive.messages import (
     packed_seen,
     stop_named,
 )
-from omniservo.errors import ConnectionLost, InputError, NotFinite, ServoStop, spelled
+from omniservo.errors import ConnectionLost, InputError, NotFinite, ServoStop, StaleImage, spelled
 from omniservo.geometry.arrays import FloatArray, finite_array, frozen
 from omniservo.robots import Arm, CameraImage, CameraSource, RobotState
 from omniservo.safety.motion_history import MotionHistory
@@ -92,6 +92,8 @@ class DriveClient:
         self._news = Condition()
         self._statuses: deque[Status] = deque(maxlen=4096)
         self._status: Status | None = None
+        self._openings = 0
+        """so often the drive began to connect"""
         self._gone = False
         self._told: tuple[str, str] | None = None
         """the stop that was raised already"""
@@ -172,11 +174,14 @@ class DriveClient:
         """Return the newest reading of the joints.
 
         Raises:
-            ServoStop: the drive stopped the arm, or its process is gone.
+            ServoStop: the drive stopped the arm, or its process is gone or says nothing.
         """
         self._take_in()
         self._raise_news()
-        self._until(lambda status: not np.isnan(status.state_time), _ANSWERED, "read a joint")
+        oldest = time.monotonic() - _ANSWERED
+        self._until(
+            lambda status: not np.isnan(status.state_time) and status.time > oldest, _ANSWERED, "read a joint"
+        )
         self._take_in()
         return self._state
 
@@ -261,8 +266,16 @@ class DriveClient:
         if stopped is None or reason != stopped.reason:
             legal = "the robot is not stopped" if stopped is None else f"legal: {stopped.reason!r}"
             raise InputError(f"reason: {spelled(reason)} given; {legal}")
+        before = self._openings
         self._send(packed(Kind.RELEASE, reason))
-        self._until(lambda status: status.phase is Phase.LISTENING, self._patience, "listen again")
+
+        def answered(status: Status) -> bool:
+            refused = status.phase is Phase.STOPPED and self._openings > before
+            return status.phase is Phase.LISTENING or refused
+
+        self._until(answered, self._patience, "listen again")
+        if (stop := self.stopped) is not None:
+            raise self._news_of(stop)
         self._told = None
 
     def close(self) -> None:
@@ -298,6 +311,10 @@ class DriveClient:
             raise InputError(
                 f"the drive is {self.status.phase.name.lower()}; enable() makes it ready for motion"
             )
+        if np.isinf(self._seen_at):
+            stop = StaleImage("no image came yet; without one nothing moves")
+            self.stop(stop)
+            raise stop
         self._number += 1
         now = time.monotonic()
         move = DriveCommand(
@@ -360,6 +377,8 @@ class DriveClient:
                 if kind is Kind.STATUS:
                     status = Status.of(body)
                     with self._news:
+                        begins = self._status is None or self._status.phase is not Phase.CONNECTING
+                        self._openings += status.phase is Phase.CONNECTING and begins
                         self._status = status
                         self._statuses.append(status)
                         self._news.notify_all()

@@ -26,7 +26,9 @@ from omniservo.drive.messages import (
     stop_named,
 )
 from omniservo.errors import ConnectionLost, InputError, InvalidData, RobotLost, ServoStop
+from omniservo.geometry.arrays import FloatArray
 from omniservo.robots import ArmDriver, ArmMode, CameraImage, RobotState
+from omniservo.safety.robot_link import checked_state
 from omniservo.safety.supervisor import TICK, Passed, Supervisor, as_stop
 
 LATE = 5e-3
@@ -53,23 +55,20 @@ class _Reported:
 
 
 class _Watched:
-    """The arm's driver, with what went through it last."""
+    """The arm's driver, with the last state that is one."""
 
-    def __init__(self, driver: ArmDriver) -> None:
-        self._driver = driver
+    def __init__(self, driver: ArmDriver, dof: int) -> None:
+        self._driver, self._dof = driver, dof
         self.state: RobotState | None = None
-        self.sent: npt.ArrayLike | None = None
 
     def read(self) -> RobotState:
-        self.state = self._driver.read()
+        self.state = checked_state(self._driver.read(), self._dof)
         return self.state
 
     def command(self, joint_velocities: npt.ArrayLike) -> None:
-        self.sent = joint_velocities
         self._driver.command(joint_velocities)
 
     def stop(self) -> None:
-        self.sent = None
         self._driver.stop()
 
     def close(self) -> None:
@@ -90,6 +89,8 @@ class DriveLoop:
         self._camera = _Reported()
         self._driver: _Watched | None = None
         self._supervisor: Supervisor | None = None
+        self._found: FloatArray | None = None
+        """(n,) joints in which the arm was found first [rad]: a new connection moves no workspace"""
         self._failed: ServoStop | None = None
         """why there is no supervisor"""
         self._armed, self._arming_since, self._braking = False, math.nan, False
@@ -136,7 +137,7 @@ class DriveLoop:
         setup, self._failed = self._setup, None
         self._say()
         try:
-            self._driver = _Watched(setup.opener.open(setup.arm))
+            self._driver = _Watched(setup.opener.open(setup.arm), setup.arm.dof)
             self._supervisor = Supervisor(
                 self._driver,
                 setup.arm,
@@ -145,7 +146,9 @@ class DriveLoop:
                 wait=self._pause,
                 clock=time.monotonic,
                 options=setup.options,
+                found=self._found,
             )
+            self._found = self._supervisor.found
             with suppress(ServoStop):  # loads compiled code; an arm that is singular is told of later
                 joints = self._supervisor.read().joint_positions
                 setup.arm.joint_velocities(joints, np.zeros(6), setup.flange_T_camera)
@@ -193,6 +196,7 @@ class DriveLoop:
                 self._end(ConnectionLost("the process that leads the arm is gone"))
                 return
             self._guarded(partial(self._deal_with, message))
+            self._say()
             if left <= 0.0:
                 return
 
@@ -205,7 +209,7 @@ class DriveLoop:
             if self._supervisor is None:
                 self._failed = self._failed or stop
             else:
-                with suppress(RobotLost):
+                with suppress(ServoStop):
                     self._supervisor.stop(stop)
 
     def _deal_with(self, message: bytes) -> None:
@@ -235,29 +239,25 @@ class DriveLoop:
     def _move(self, move: DriveCommand) -> None:
         """Follow a command; one that comes when none may is answered by what the status says."""
         supervisor, self._number = self._supervisor, move.number
-        try:
-            if supervisor is None or self._stopped is not None or not self._armed:
-                return
-            self._see(move.seen_at)
-            late = time.monotonic() - move.valid_until
-            if late > 0.0:
-                raise DeadlinePassed(f"the command came {late:.3f} s after its deadline")
-            self._valid_until = move.valid_until
-            if move.twist is None:
-                self._passed = supervisor.command(move.joints if move.joints is not None else ())
-            else:
-                wished = move.joints
-                wish = None if wished is None else lambda _: wished
-                self._passed = supervisor.carry(move.twist, wish)
-        finally:
-            self._say()
+        if supervisor is None or self._stopped is not None or not self._armed:
+            return
+        self._see(move.seen_at)
+        late = time.monotonic() - move.valid_until
+        if late > 0.0:
+            raise DeadlinePassed(f"the command came {late:.3f} s after its deadline")
+        self._valid_until = move.valid_until
+        if move.twist is None:
+            self._passed = supervisor.command(move.joints if move.joints is not None else ())
+        else:
+            wished = move.joints
+            wish = None if wished is None else lambda _: wished
+            self._passed = supervisor.carry(move.twist, wish)
 
     def _stop_for(self, text: str) -> None:
         reason, _, words = text.partition("\0")
         stop = stop_named(reason, words) if reason else None
         if self._supervisor is not None:
             self._supervisor.stop(stop)
-        self._say()
 
     def _release(self, reason: str) -> None:
         """Go back to listening; nothing moves before the drive is armed again."""
@@ -265,11 +265,12 @@ class DriveLoop:
         if stopped is None or stopped.reason != reason:
             return
         self._armed, self._arming_since = False, math.nan
-        if self._supervisor is None or isinstance(stopped, RobotLost):
-            self._disconnect()
-            self._connect()
-        else:
-            self._supervisor.release(reason)
+        if self._supervisor is not None and not isinstance(stopped, RobotLost):
+            with suppress(ServoStop):  # a driver that is at fault for good must be opened anew
+                self._supervisor.release(reason)
+                return
+        self._disconnect()
+        self._connect()
 
     def _tick(self) -> None:
         """Look at the arm, and lead it on."""
@@ -294,7 +295,7 @@ class DriveLoop:
     def _end(self, reason: ServoStop | None) -> None:
         self._ended = True
         if self._supervisor is not None:
-            with suppress(RobotLost):
+            with suppress(ServoStop):
                 self._supervisor.stop(reason)
 
     def _say(self) -> None:
@@ -304,8 +305,7 @@ class DriveLoop:
             state = self._driver.state
         joints = np.zeros((5, dof))
         if self._supervisor is not None and state is not None:
-            with suppress(ValueError, TypeError):  # of a driver that gives nonsense
-                joints[:2] = state.joint_positions, state.joint_velocities
+            joints[:2] = state.joint_positions, state.joint_velocities
             joints[2] = self._supervisor.sent
         joints[3:] = self._passed.target, self._passed.wanted
         status = Status(

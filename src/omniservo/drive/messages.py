@@ -148,7 +148,7 @@ class Status:
             self.time, self.state_time, self.lateness,
         )  # fmt: skip
         text = f"{self.reason}\0{self.words}" if self.reason else ""
-        return (head + self.joints.astype("<f8").tobytes() + text.encode())[:LARGEST]
+        return (head + self.joints.astype("<f8").tobytes() + text.encode(errors="replace"))[:LARGEST]
 
     @classmethod
     def of(cls, body: bytes) -> Status:
@@ -172,7 +172,7 @@ class Status:
 
 def packed(kind: Kind, text: str = "") -> bytes:
     """Return a message that is its kind and a text."""
-    return (_HEAD.pack(VERSION, kind) + text.encode())[:LARGEST]
+    return (_HEAD.pack(VERSION, kind) + text.encode(errors="replace"))[:LARGEST]
 
 
 def packed_seen(time: float) -> bytes:

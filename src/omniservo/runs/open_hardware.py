@@ -7,20 +7,21 @@ from collections.abc import Callable
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
 
+import numpy as np
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.drive import COMMAND_LIFE, ArmOpener, DriveClient
-from omniservo.errors import InputError, NotInControl, ProtectiveStop, spelled
+from omniservo.errors import InputError, spelled
 from omniservo.geometry.arrays import FloatArray
 from omniservo.hardware import ArmAddress, ArmConnection
 from omniservo.hardware.camera_sources import open_camera
 from omniservo.hardware.shifted_camera import ShiftedCamera
-from omniservo.robots import Arm, ArmMode, CameraSource, next_image
+from omniservo.robots import Arm, CameraSource, next_image
 from omniservo.runs.hardware_cell import HardwareCell
 from omniservo.runs.on_robot import on_robot
 from omniservo.runs.robot_records import StoredDelay
 from omniservo.runs.safety_of_task import safety_of_task
-from omniservo.safety import SafetyOptions
+from omniservo.safety import SafetyOptions, refuse_unready
 from omniservo.scenes import Scene
 from omniservo.tasks import RobotFile, Task
 
@@ -65,9 +66,9 @@ def listen_to_arm(robot: RobotFile, arm: Arm, driver: str | None = None) -> ArmC
         InputError, ConnectionLost: see `open_robot`; what would stop it does not matter.
     """
     where = _address(robot, arm, driver)
-    if where.driver == "rtde":  # a program of ours would take the arm from pendant and hand
-        where = replace(where, options={**where.options, "send_program": False})
-    return where.open()
+    # A program of ours, or zeros on the topic of commands, would take the arm from pendant and hand.
+    silent = {"rtde": {"send_program": False}, "ros2": {"listen_only": True}}.get(where.driver, {})
+    return replace(where, options={**where.options, **silent}).open()
 
 
 def _address(robot: RobotFile, arm: Arm, driver: str | None) -> ArmAddress:
@@ -160,7 +161,7 @@ def open_hardware(
 def open_bare(
     robot: RobotFile, approve: Callable[[str], None], options: SafetyOptions, driver: str | None = None
 ) -> HardwareCell:
-    """Return the cell of a robot without a task.
+    """Return the cell of a robot without a task; the file's workspace is among its options.
 
     Raises:
         InputError, ServoStop: as `open_hardware`.
@@ -168,6 +169,10 @@ def open_bare(
     arm = robot.loaded_arm()
     mount, lens = robot.arm.flange_T_camera.transform, robot.camera.calibration
     scene = Scene(arm, RigidTransform.identity(), mount, lens, _joints(robot, arm, driver))
+    if robot.workspace is not None:
+        found_T_base = scene.world_T_camera(scene.start_joints).inv()
+        box = np.array([robot.workspace.min, robot.workspace.max])
+        options = replace(options, workspace=box, found_T_workspace=found_T_base)
     return _cell(scene, robot, _Seats(approve, driver, 0.0), options)
 
 
@@ -202,8 +207,5 @@ def _joints(robot: RobotFile, arm: Arm, driver: str | None) -> FloatArray:
     """Return the joints (n,) [rad] of an arm that may be moved."""
     with closing(open_robot(robot, arm, driver)) as connection:
         state = connection.read()
-    if state.mode in (ArmMode.PROTECTIVE_STOP, ArmMode.EMERGENCY_STOP):
-        raise ProtectiveStop(f"the arm is in {state.mode.replace('_', ' ')}; release it at the pendant")
-    if state.mode is ArmMode.NOT_IN_CONTROL:
-        raise NotInControl("the arm is not under this program's control: see its pendant")
+    refuse_unready(state)
     return state.joint_positions

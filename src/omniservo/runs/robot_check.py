@@ -227,6 +227,8 @@ def watchdog_proof(
             last = time.monotonic()
             time.sleep(5e-3)
             refuse_unready(connection.read())
+        if hasattr(connection, "fall_silent"):  # it has a thread that brakes, and would end with its process
+            connection.fall_silent()
         moved = sign * (connection.read().joint_positions[joint] - before)
         if moved < 0.2 * SLOW * 0.5:
             return None, [f"{name} was sent by 0.5 deg and turned by {math.degrees(moved):.2f} deg"]

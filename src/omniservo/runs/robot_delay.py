@@ -189,14 +189,16 @@ def tracked(images: list[ByteArray]) -> FloatArray:
 def actuation_lag(recorded: DelayRecording, chosen: tuple[int, int]) -> tuple[float, float]:
     """Return how long after a command its speeds are measured [s], and the standard deviation of that.
 
-    Minimises Σ ‖q̇(t) − u(t − L)‖² over L, u the commands, each in force until the next.
+    Minimises Σ ‖q̇(t) − u(t − L)‖² over L, u the commands, each in force until the next: linear between the
+    middles of these times.
     """
     rows = list(chosen)
     times = np.array([state.time for state in recorded.states])
     times, first = np.unique(times, return_index=True)
     measured = np.array([recorded.states[i].joint_velocities[rows] for i in first])
-    sent_times = np.array([time for time, _ in recorded.sent])
-    sent = np.array([speeds[rows] for _, speeds in recorded.sent])
+    begun = np.array([time for time, _ in recorded.sent])
+    sent_times = 0.5 * (begun[:-1] + begun[1:])
+    sent = np.array([speeds[rows] for _, speeds in recorded.sent[:-1]])
     within = (times > sent_times[0] + MOST_LAG) & (times < sent_times[-1])
     lags = np.arange(0.0, MOST_LAG, 1e-3)
     costs = np.array([_off(times[within] - lag, measured[within], sent_times, sent) for lag in lags])

@@ -23,30 +23,40 @@ FRESH = 24.0 * 3600.0
 CHECK, DELAY = "omniservo.robot-check/1", "omniservo.robot-delay/1"
 
 
-def save_check(robot: Path) -> Path:
-    """Keep that the robot of this file was found fit, now; return where."""
-    path = robot.with_suffix(".check.json")
-    document = {"format": CHECK, "robot_sha256": _hash(robot), "time": time.time()}
-    write_whole(path, json.dumps(document, indent=2) + "\n", force=True)
-    return path
+def save_check(path: Path, robot: RobotFile, driver: str | None = None) -> Path:
+    """Keep that the robot of this file was found fit, now; return where.
+
+    Args:
+        path: of the file.
+        robot: as loaded of it.
+        driver: replaced the file's.
+    """
+    beside = path.with_suffix(".check.json")
+    fields = {**_met_with(robot, driver), "robot_sha256": _hash(robot), "time": time.time()}
+    write_whole(beside, json.dumps({"format": CHECK, **fields}, indent=2) + "\n", force=True)
+    return beside
 
 
-def require_check(robot: Path) -> None:
-    """Refuse a robot that was not checked as its file now stands.
+def require_check(path: Path, robot: RobotFile, driver: str | None = None) -> None:
+    """Refuse a robot that was not checked as its files now stand, see `save_check`.
 
     Raises:
-        InputError: no check, an old one, or one of another content of the file.
+        InputError: no check, an old one, or one of another driver, address, camera or content of the files.
     """
-    path = robot.with_suffix(".check.json")
-    again = f"run: omniservo robot check {robot}"
-    if not is_file(path):
-        raise InputError(f"{robot}: not checked yet; {again}")
-    document = _document(path, CHECK)
+    beside = path.with_suffix(".check.json")
+    again = f"run: omniservo robot check {path}"
+    if not is_file(beside):
+        raise InputError(f"{path}: not checked yet; {again}")
+    document = _document(beside, CHECK)
     if document.get("robot_sha256") != _hash(robot):
-        raise InputError(f"{robot}: changed since it was checked; {again}")
-    age = time.time() - finite_number(f"{path}: time", document.get("time"))
+        raise InputError(f"{path}: changed since it was checked, or a file that it names; {again}")
+    for name, now in _met_with(robot, driver).items():
+        if document.get(name) != now:
+            was = spelled(document.get(name))
+            raise InputError(f"{path}: checked with {name} {was}; it is {spelled(now)} now; {again}")
+    age = time.time() - finite_number(f"{beside}: time", document.get("time"))
     if not 0.0 <= age <= FRESH:
-        raise InputError(f"{robot}: checked {age / 3600.0:.0f} h ago; at most {FRESH / 3600.0:g} h; {again}")
+        raise InputError(f"{path}: checked {age / 3600.0:.0f} h ago; at most {FRESH / 3600.0:g} h; {again}")
 
 
 @with_field_docs
@@ -71,12 +81,12 @@ class StoredDelay:
         return replace(options, command_lag=self.actuation_lag, offset_sigma=self.camera_sigma)
 
 
-def save_delay(path: Path, robot: RobotFile, found: RobotDelay) -> Path:
-    """Keep how late the robot of this file is; return where."""
+def save_delay(path: Path, robot: RobotFile, found: RobotDelay, driver: str | None = None) -> Path:
+    """Keep how late the robot of this file is; return where. See `save_check`."""
     beside = path.with_suffix(".delay.json")
     document = {
         "format": DELAY,
-        **_measured_with(robot),
+        **_met_with(robot, driver),
         "camera_offset_s": found.camera.offset,
         "camera_offset_sigma_s": found.camera.sigma,
         "actuation_lag_s": found.actuation_lag,
@@ -86,8 +96,8 @@ def save_delay(path: Path, robot: RobotFile, found: RobotDelay) -> Path:
     return beside
 
 
-def stored_delay(path: Path, robot: RobotFile) -> StoredDelay | None:
-    """Return how late the robot of this file is; None where that was not measured.
+def stored_delay(path: Path, robot: RobotFile, driver: str | None = None) -> StoredDelay | None:
+    """Return how late the robot of this file is, see `save_check`; None where that was not measured.
 
     Raises:
         InputError: the file beside the robot's is no such record, or of another driver, address or camera.
@@ -96,7 +106,7 @@ def stored_delay(path: Path, robot: RobotFile) -> StoredDelay | None:
     if not is_file(beside):
         return None
     document = _document(beside, DELAY)
-    for name, now in _measured_with(robot).items():
+    for name, now in _met_with(robot, driver).items():
         if document.get(name) != now:
             raise InputError(
                 f"{beside}: measured with {name} {spelled(document.get(name))}; it is {spelled(now)} now; "
@@ -112,8 +122,9 @@ def stored_delay(path: Path, robot: RobotFile) -> StoredDelay | None:
         raise InputError(f"{beside}: {error}") from None
 
 
-def _measured_with(robot: RobotFile) -> dict[str, str]:
-    return {"driver": robot.driver, "address": robot.address, "camera_source": robot.camera.source}
+def _met_with(robot: RobotFile, driver: str | None) -> dict[str, str]:
+    own = robot.driver if driver is None else driver
+    return {"driver": own, "address": robot.address, "camera_source": robot.camera.source}
 
 
 def _document(path: Path, wanted: str) -> dict[str, object]:
@@ -123,5 +134,10 @@ def _document(path: Path, wanted: str) -> dict[str, object]:
     return document
 
 
-def _hash(robot: Path) -> str:
-    return hashlib.sha256(robot.read_bytes()).hexdigest()
+def _hash(robot: RobotFile) -> str:
+    """Return the hash of the robot's file, and of those that it names."""
+    files = {} if robot.sources is None else robot.sources.kept(robot).files
+    found = hashlib.sha256()
+    for name in sorted(files):
+        found.update(f"{name}\0{len(files[name])}\0".encode() + files[name])
+    return found.hexdigest()

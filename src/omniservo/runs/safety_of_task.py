@@ -16,6 +16,8 @@ WORKSPACE_ROOM = 0.03
 """The robot is stopped where the camera could not be held this near to the planned workspace [m]: the plan
 keeps inside it, its execution and the distance in which the supervisor can brake reach a little farther."""
 
+_WIDER = WORKSPACE_ROOM * np.array([[-1.0], [1.0]])
+
 
 def safety_of_task(task: Task) -> SafetyOptions:
     """Return the defaults, but of a slow camera for its rate, and with what the task keeps free.
@@ -30,7 +32,8 @@ def safety_of_task(task: Task) -> SafetyOptions:
         visibility_rate=min(default.visibility_rate, STEP_SHARE * sensor.rate),
         exposure=sensor.exposure,
         readout=sensor.readout,
-        workspace=None if box is None else box.bounds + np.array([[-WORKSPACE_ROOM], [WORKSPACE_ROOM]]),
+        workspace=None if box is None else np.array([box.min, box.max]) + _WIDER,
+        found_T_workspace=None if box is None else box.here_T_box,
     )
 
 

@@ -180,10 +180,10 @@ def servo(
 
     Raises:
         InputError: before the first command: the parts do not fit together.
-        Exception: what else controller, features or ``on_step`` raise; the robot stands still by then.
+        Exception: what else controller, features, ``on_step`` or ``on_wait`` raise; the robot stands still by
+            then.
     """
     loop = _Loop(supervisor, controller, features, visibility, posture, on_wait)
-    stop: ServoStop | None = None
     try:
         while not controller.done:
             image = loop.next_image()
@@ -193,13 +193,16 @@ def servo(
             if step is not None:
                 on_step(step)
     except BaseException as error:
-        loop.blind.end()
         stop = as_stop(error)
+        try:
+            loop.blind.end()
+        finally:
+            ended = _rest(supervisor, stop)
         refused = isinstance(error, InputError) and loop.commanded
         if not (isinstance(error, ServoStop) or refused):
-            _rest(supervisor, stop)
             raise
-    return _rest(supervisor, stop)
+        return ended
+    return _rest(supervisor, None)
 
 
 def _rest(supervisor: SupervisedRobot, stop: ServoStop | None) -> ServoStop | None:

@@ -119,12 +119,12 @@ class RobotLink:
 
         Raises:
             RobotLost: the driver raised.
-            InvalidData: no state, or of another number of joints.
+            InvalidData: no state, of another number of joints, or of an unknown mode.
             NotFinite: a number is not finite.
             ClockFault: the robot's clock ran backwards, is ahead of the clock that it is to be on, or stands
                 still while time passes.
         """
-        state = _checked(_answered("read", self._driver.read), self._dof)
+        state = checked_state(_answered("read", self._driver.read), self._dof)
         ahead = -np.inf if self._clock is None else state.time - self._clock()
         if ahead > STANDING:
             raise ClockFault(f"the robot's joints are {ahead:.3f} s ahead of this machine's clock")
@@ -224,8 +224,13 @@ def _answered(name: str, call: Callable[[], T]) -> T:
         raise RobotLost(f"the robot's {name} failed: {type(error).__name__}: {error}") from error
 
 
-def _checked(state: RobotState, dof: int) -> RobotState:
-    """Return the state in arrays of its own, if it is one."""
+def checked_state(state: RobotState, dof: int) -> RobotState:
+    """Return the state in arrays of its own, if it is one.
+
+    Raises:
+        InvalidData: it is none, of another number of joints, or of an unknown mode.
+        NotFinite: a number is not finite.
+    """
     try:
         time = float(state.time)
         positions = np.array(state.joint_positions, dtype=np.float64)
@@ -242,4 +247,7 @@ def _checked(state: RobotState, dof: int) -> RobotState:
             f"the robot reports joint positions {positions.shape} and velocities {velocities.shape}; "
             f"the arm has {dof} joints"
         )
-    return RobotState(time, positions, velocities, state.mode, state.mode_reason)
+    if state.mode not in tuple(ArmMode):
+        legal = ", ".join(ArmMode)
+        raise InvalidData(f"the robot reports the mode {spelled(state.mode)}; legal: {legal}")
+    return RobotState(time, positions, velocities, ArmMode(state.mode), state.mode_reason)

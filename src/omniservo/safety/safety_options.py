@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import InputError
 from omniservo.field_docs import with_field_docs
@@ -87,8 +88,11 @@ class SafetyOptions:
     max_angular_speed: float = 3.0
     """of the camera [rad/s]; likewise"""
     workspace: FloatArray | None = None
-    """(2, 3) lowest and highest place of the camera's centre [m], in the camera frame in which the
-    supervisor found the robot; None: anywhere that the joints allow"""
+    """(2, 3) lowest and highest place of the camera's centre [m], along the axes of ``found_T_workspace``;
+    None: anywhere that the joints allow"""
+    found_T_workspace: RigidTransform | None = None
+    """The frame of the workspace in the camera frame in which the supervisor found the robot; None: it is
+    that one"""
     least_features: int = 4
     """Fewer points stop the robot; a pose needs four."""
     growing_px: float = 15.0

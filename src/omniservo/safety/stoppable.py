@@ -22,7 +22,7 @@ class Stoppable:
     Args:
         arm: its kinematics and limits.
         flange_T_camera: how the camera sits on it.
-        base_T_initial: the camera in the base frame, where the workspace is stated.
+        base_T_found: the camera in the base frame, where the supervisor found the robot.
         options: reaction time, reserve and workspace.
     """
 
@@ -30,11 +30,13 @@ class Stoppable:
         self,
         arm: Arm,
         flange_T_camera: RigidTransform,
-        base_T_initial: RigidTransform,
+        base_T_found: RigidTransform,
         options: SafetyOptions,
     ) -> None:
         self._arm, self._options = arm, options
-        self._initial_T_base = base_T_initial.inv().as_matrix()[:3]
+        box = options.found_T_workspace
+        base_T_box = base_T_found if box is None else base_T_found * box
+        self._box_T_base = base_T_box.inv().as_matrix()[:3]
         self._flange_T_camera = flange_T_camera.as_matrix()
         self._to_camera = twist_matrix(flange_T_camera)[:3]
 
@@ -84,11 +86,11 @@ class Stoppable:
         if box is None or not velocities.any():
             return
         base_T_flange, jacobian = self._arm.locate(state.joint_positions)
-        initial_R_base = self._initial_T_base[:, :3]
+        box_R_base = self._box_T_base[:, :3]
         base_T_camera = base_T_flange @ self._flange_T_camera
-        along = initial_R_base @ base_T_camera[:, :3] @ (self._to_camera @ jacobian)
+        along = box_R_base @ base_T_camera[:, :3] @ (self._to_camera @ jacobian)
         ways = along * stopping_distance(velocities, self._arm.joint_acceleration, 0.0)
-        centre = initial_R_base @ base_T_camera[:, 3] + self._initial_T_base[:, 3]
+        centre = box_R_base @ base_T_camera[:, 3] + self._box_T_base[:, 3]
         speed = along @ velocities
         # Braking, the joints do not come to rest together: on the way only some may have moved.
         reached = centre + speed * self._options.reaction

@@ -19,7 +19,6 @@ from omniservo.errors import (
     NotFinite,
     NotInControl,
     ProtectiveStop,
-    RobotLost,
     ServoStop,
     SlowLoop,
     StaleImage,
@@ -27,7 +26,7 @@ from omniservo.errors import (
 )
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, finite_array, frozen
-from omniservo.robots import Arm, ArmDriver, CameraImage, CameraSource, RobotState
+from omniservo.robots import Arm, ArmDriver, ArmMode, CameraImage, CameraSource, RobotState
 from omniservo.safety.following_watch import FollowingWatch
 from omniservo.safety.motion_history import MotionHistory
 from omniservo.safety.motion_limits import approached, braked, slowed
@@ -83,6 +82,7 @@ class Supervisor:
         clock: on which joints and images are stamped [s]: ``time.monotonic`` on a real robot, whose time does
             not stand still between two waits; None: time passes in ``wait`` alone.
         options: see SafetyOptions.
+        found: (n,) joints in which the robot was found, for the options' workspace [rad]; None: as it stands.
 
     Raises:
         InputError: the driver has another number of joints than the arm, or there is no camera.
@@ -99,6 +99,7 @@ class Supervisor:
         wait: Callable[[float], None],
         clock: Callable[[], float] | None = None,
         options: SafetyOptions | None = None,
+        found: FloatArray | None = None,
     ) -> None:
         self.arm = arm
         """as given"""
@@ -117,11 +118,14 @@ class Supervisor:
             state = self._link.read()
         except InvalidData as error:
             raise InputError(str(error)) from error
-        self._sent_time = self._seen_time = self._command_time = self._image_time = state.time
+        self._seen_time = self._command_time = self._image_time = state.time
+        self._sent_time = self._link.now
         self.history = MotionHistory(state, self.options.least_acceleration * arm.joint_acceleration)
         """what was sent and what was measured"""
-        base_T_initial = arm.base_T_flange(state.joint_positions) * flange_T_camera
-        self._stoppable = Stoppable(arm, flange_T_camera, base_T_initial, self.options)
+        self.found = frozen(state.joint_positions) if found is None else found
+        """(n,) joints in which the robot was found [rad]"""
+        base_T_found = arm.base_T_flange(self.found) * flange_T_camera
+        self._stoppable = Stoppable(arm, flange_T_camera, base_T_found, self.options)
         self._following = FollowingWatch(arm, self.options)
 
     def read(self) -> RobotState:
@@ -163,7 +167,7 @@ class Supervisor:
         with self._braking():
             state = self._seen_state()
             self.history.begin(state)
-            self._sent_time = state.time
+            self._sent_time = self._link.now
 
     def command(self, joint_velocities: npt.ArrayLike) -> Passed:
         """Move with these joint velocities (n,) [rad/s], or as near to them as the limits allow.
@@ -252,7 +256,7 @@ class Supervisor:
             if self._carried is not None and state.time - self._carried_time > TICK - _ROUNDING:
                 self._carried_time = state.time
                 self._target = self._slowed(state, self._checked_command(self._carried(state)))[0]
-            self._pass(state, self._led_on(state))
+            self._pass(state, self._led_on())
 
     def hold(self) -> None:
         """Tell the standing robot to stand: proof that commands arrive, and food for its watchdog.
@@ -265,7 +269,7 @@ class Supervisor:
             state = self._seen_state()
             self._link.refuse_old(state, self.options.joint_age)
             self._following.check(self.history)
-            self._sent_time = self._seen_time = state.time
+            self._sent_time, self._seen_time = self._link.now, state.time
             self._link.command(np.zeros(self.arm.dof))
 
     def stop(self, reason: ServoStop | None = None) -> None:
@@ -275,7 +279,7 @@ class Supervisor:
             reason: what for; nothing moves it again until it is released. None: it may move on.
 
         Raises:
-            RobotLost: it could not be commanded to; nothing else can be done from here.
+            ServoStop: what arm or driver say instead; nothing else can be done from here.
         """
         self.stopped = self.stopped or reason
         self._target, self._carried = np.zeros(self.arm.dof), None
@@ -285,21 +289,21 @@ class Supervisor:
             try:
                 while obeys and self._sent.any() and not self._silent:
                     self._link.wait(TICK)
-                    if not self._silent:
-                        self._brake_on()
+                    obeys = not self._silent and self._brake_on()
             finally:
                 self._sent = np.zeros(self.arm.dof)
-                self.history.sent(self._sent)
                 self._link.stop()
-        except RobotLost as lost:
-            self.stopped = self.stopped or lost
+        except ServoStop as failed:
+            self.stopped = self.stopped or failed
             raise
+        finally:  # last: who is told of it may raise
+            self.history.sent(self._sent)
 
     def close(self) -> None:
         """Brake, then end the connections to arm and camera.
 
         Raises:
-            RobotLost: one of the two does not answer.
+            ServoStop: as `stop`; or one of the two does not answer.
         """
         try:
             self.stop()
@@ -311,16 +315,19 @@ class Supervisor:
         """Whether the arm was sent nothing for so long that its own watchdog may have stopped it."""
         return self._link.silence > self.options.reaction
 
-    def _brake_on(self) -> None:
-        """Lead the joints one tick nearer to rest."""
+    def _brake_on(self) -> bool:
+        """Lead the joints one tick nearer to rest; return whether the arm takes commands at all."""
         elapsed = TICK  # where nothing or nonsense is read: what was waited for
         with suppress(ServoStop):
             state = self._seen_state()
-            elapsed = state.time - self._sent_time if 0.0 < state.time - self._sent_time < TICK else TICK
-            self._sent_time = state.time
+            if state.mode is not ArmMode.READY:
+                return False
+            passed, self._sent_time = self._link.now - self._sent_time, self._link.now
+            elapsed = passed if 0.0 < passed < TICK else TICK
         self._sent = braked(self._sent, self.arm.joint_acceleration * elapsed)
         self._link.command(self._sent)
         self.history.sent(self._sent)
+        return True
 
     @contextmanager
     def _braking(self) -> Iterator[None]:
@@ -330,8 +337,8 @@ class Supervisor:
         except BaseException as error:
             try:
                 self.stop(as_stop(error))
-            except RobotLost as lost:
-                error.add_note(f"braking: {lost}")
+            except ServoStop as failed:
+                error.add_note(f"braking: {failed}")
             raise
 
     def _refuse_stopped(self) -> None:
@@ -352,7 +359,7 @@ class Supervisor:
         if (np.abs(self._target - self._sent) > self.arm.joint_acceleration * period).any():
             limits = (*limits, "acceleration")
         self._command_time = state.time
-        self._pass(state, self._led_on(state))
+        self._pass(state, self._led_on())
         return Passed(frozen(wanted), frozen(self._target), limits)
 
     def _checked_command(self, joint_velocities: npt.ArrayLike) -> FloatArray:
@@ -379,9 +386,9 @@ class Supervisor:
         excess = float((speeds / bounds).max())
         return (within / excess, (*limits, "twist")) if excess > 1.0 else (within, limits)
 
-    def _led_on(self, state: RobotState) -> FloatArray:
+    def _led_on(self) -> FloatArray:
         """Return the velocities of now on the way from those sent last to the target."""
-        elapsed = min(max(state.time - self._sent_time, 0.0), TICK)
+        elapsed = min(max(self._link.now - self._sent_time, 0.0), TICK)
         return approached(self._sent, self._target, self.arm.joint_acceleration * elapsed)
 
     def _pass(self, state: RobotState, velocities: FloatArray) -> None:
@@ -401,7 +408,7 @@ class Supervisor:
             raise NotFinite(f"the command {velocities.tolist()} rad/s; it was not sent")
         self._link.refuse_old(state, self.options.joint_age)  # this process may have slept on the way here
         self._seen_time = state.time
-        self._sent, self._sent_time = velocities, state.time  # first: it may move though the call fails
+        self._sent, self._sent_time = velocities, self._link.now  # first: it may move though the call fails
         self._link.command(velocities)
         self.history.sent(velocities)
 

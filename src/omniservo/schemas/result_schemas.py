@@ -228,8 +228,17 @@ def run_schema() -> Schema:
 
 def robot_check_schema() -> Schema:
     """Return the schema of the record that a robot was checked."""
-    digest = said({"type": "string", "pattern": "^[0-9a-f]{64}$"}, "SHA-256 of the robot's file")
-    return of_format(CHECK, {"robot_sha256": digest, "time": said(NUMBER, "[s] since 1970")})
+    digest = {"type": "string", "pattern": "^[0-9a-f]{64}$"}
+    return of_format(
+        CHECK,
+        {
+            "driver": TEXT,
+            "address": TEXT,
+            "camera_source": TEXT,
+            "robot_sha256": said(digest, "SHA-256 of the robot's file and those that it names"),
+            "time": said(NUMBER, "[s] since 1970"),
+        },
+    )
 
 
 def robot_delay_schema() -> Schema:

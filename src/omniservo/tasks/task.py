@@ -164,6 +164,11 @@ class WorkspaceSection(Section):
         return there
 
     @property
+    def here_T_box(self) -> RigidTransform:
+        """The frame along whose axes ``min`` and ``max`` are."""
+        return self._here_T_box
+
+    @property
     def workspace(self) -> Workspace:
         """The planner's."""
         return seen_workspace(Workspace(np.array(self.min), np.array(self.max)), self._here_T_box)

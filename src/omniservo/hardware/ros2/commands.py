@@ -81,7 +81,8 @@ class TrajectoryCommands:
     topic: str = "/joint_trajectory_controller/joint_trajectory"
     """the controller's topic"""
     stamped: bool = True
-    """whether trajectories begin at their time stamp, on the clock of the joint states; else on arrival"""
+    """whether trajectories begin at their time stamp, on the clock of the joint states; else on arrival, as
+    those of `stop` always do"""
     kind: type[RosMessage] = field(default=JointTrajectoryMessage, init=False)
     """the messages' type"""
     ends_by_itself: bool = field(default=True, init=False)
@@ -103,7 +104,8 @@ class TrajectoryCommands:
             JointTrajectoryPointMessage(*motion.at(time), time_from_start=DurationMessage.of(time - now))
             for time in (*times, last)
         ]
-        header = HeaderMessage(TimeMessage.of(stamp if self.stamped else 0.0))
+        # A stop begins on arrival: by a clock that was set back meanwhile it would lie in the future.
+        header = HeaderMessage(TimeMessage.of(stamp if self.stamped and motion.hold > 0.0 else 0.0))
         return JointTrajectoryMessage(header, list(names), points)
 
 

@@ -6,7 +6,7 @@ from collections import deque
 
 import numpy as np
 
-from omniservo.errors import InputError, did_you_mean, spelled
+from omniservo.errors import InputError, NotFinite, did_you_mean, spelled
 from omniservo.geometry.arrays import FloatArray
 from omniservo.hardware.clock_map import ClockMap
 from omniservo.robots import RobotState
@@ -49,6 +49,7 @@ class JointStates:
 
         Raises:
             ClockFault: the sender's clock was set.
+            NotFinite: a position is not finite, or some velocities are not: nothing may be commanded by them.
         """
         order = self._order_of(message)
         if order is None:
@@ -61,7 +62,13 @@ class JointStates:
             return None
         self._stamp = stamp
         positions = message.position[order]
-        velocities = message.velocity[order] if len(message.velocity) else self._differences(time, positions)
+        velocities: FloatArray | None = message.velocity[order] if len(message.velocity) else None
+        if velocities is None or np.isnan(velocities).all():  # so ros2_control says that there are none
+            velocities = self._differences(time, positions)
+        known = np.array([positions, 0.0 * positions if velocities is None else velocities])
+        if not np.isfinite(known).all():
+            j = int(np.argmin(np.isfinite(known).all(axis=0)))
+            raise NotFinite(f"{self._names[j]!r} is at {known[0, j]} rad, turning by {known[1, j]} rad/s")
         return None if velocities is None else RobotState(time, positions, velocities)
 
     def missing(self) -> str:
@@ -75,7 +82,7 @@ class JointStates:
 
     def _order_of(self, message: JointStateMessage) -> list[int] | None:
         names = tuple(message.name)
-        if names != self._order[0]:
+        if not names or names != self._order[0]:
             if len(self.heard) < _MOST_NAMES:
                 self.heard.update(dict.fromkeys(names))
             lacking = [name for name in self._names if name not in names]

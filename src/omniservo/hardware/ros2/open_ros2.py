@@ -37,6 +37,7 @@ def open_ros2_arm(
     commands: str = "trajectory",
     topic: str = "",
     joint_states: str = "/joint_states",
+    listen_only: bool = False,
 ) -> Ros2Arm:
     """Connect to an arm.
 
@@ -50,6 +51,7 @@ def open_ros2_arm(
             planning frame).
         topic: of the commands; "": the controller's default.
         joint_states: their topic.
+        listen_only: nothing is ever sent.
 
     Raises:
         InputError: see `Ros2Arm`; other commands.
@@ -61,6 +63,7 @@ def open_ros2_arm(
         _commands(commands, topic, arm, watchdog),
         joint_states=joint_states,
         network=network_of(address),
+        listen_only=listen_only,
     )
 
 

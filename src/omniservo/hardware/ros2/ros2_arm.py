@@ -6,6 +6,7 @@ import contextlib
 import threading
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -159,13 +160,22 @@ class Ros2Arm:
     def stop(self) -> None:
         """Brake to standstill as fast as the accelerations allow; nothing where nothing was commanded.
 
+        Nor is anything sent to an arm that somebody else commands by now, once its last motion is over.
+
         Raises:
             ConnectionLost: no one publishes joint states any more; it is sent all the same.
         """
         with self._lock:
-            if self._motion is not None and not self._closing.is_set():
-                self._begin(self._motion.at(time.monotonic())[1], 0.0)
+            now, motion = time.monotonic(), None if self._closing.is_set() else self._motion
+            if motion is not None and (now < motion.end or not self._not_in_control):
+                self._begin(motion.at(now)[1], 0.0)
             self._refuse_fault()
+
+    def fall_silent(self) -> None:
+        """Send nothing more until `command` or `stop`, as if this program were killed."""
+        with self._lock:
+            if self._motion is not None and not self._commands.ends_by_itself:
+                self._motion = replace(self._motion, hold=np.inf)  # for all that this program does about it
 
     def close(self) -> None:
         """Brake what moves, wait until it was sent, leave the domain; a second call does nothing."""

@@ -191,9 +191,13 @@ class RtdeArm:
 
         Raises:
             ConnectionLost: the connection is gone.
+            NotFinite, ClockFault: as `read`; it was sent all the same.
         """
-        self._raise_fault()
-        self._write(0, np.zeros(6))
+        try:
+            if not self._closed:
+                self._write(0, np.zeros(6))
+        finally:
+            self._raise_fault()
 
     def close(self) -> None:
         """Brake, end the program that was sent, and the connection; a second call does nothing."""
