@@ -61,7 +61,8 @@ class Arm:
                 is legal.
         """
         self.path = Path(file)
-        self._packages, self._share = packages, 1.0
+        folders = {name: Path(folder).absolute() for name, folder in (packages or {}).items()}
+        self._given, self._share = (self.path.absolute(), flange, folders), 1.0
         self._file = read_arm_file(self.path, flange, packages)
         self._model = self._file.model
         self.joint_names = tuple(self._model.joint(i).name for i in range(self._model.njnt))
@@ -88,7 +89,7 @@ class Arm:
 
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
         """Another process reads the file again."""
-        return _read_again, (self.path.absolute(), self.flange, self._packages, self._share)
+        return _read_again, (*self._given, self._share)
 
     tool = renamed_attribute("tool", "flange")
     tool_link = renamed_attribute("tool_link", "flange_link")
@@ -105,7 +106,7 @@ class Arm:
             InputError: a share that is not legal.
         """
         finite_number("share", share, above=0.0, maximum=1.0)
-        return _read_again(self.path.absolute(), self.flange, self._packages, share * self._share)
+        return _read_again(*self._given, share * self._share)
 
     @property
     def name(self) -> str:
@@ -421,7 +422,7 @@ def _place(base_T_flange: RigidTransform) -> str:
     return f"flange pose at {place} m in the base frame"
 
 
-def _read_again(file: Path, flange: str, packages: Mapping[str, str | Path] | None, share: float) -> Arm:
+def _read_again(file: Path, flange: str | None, packages: Mapping[str, Path], share: float) -> Arm:
     arm = Arm(file, flange=flange, packages=packages)
     arm._share = share
     arm.joint_speed = frozen(share * arm.joint_speed)
