@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import io
 import signal
 import sys
 import threading
@@ -41,6 +42,9 @@ from omniservo.errors import TERMINATED, AlreadyExists, InputError, NoSolutionEr
 
 _GARBAGE = (20_000, 20, 20)
 """Objects made between looks for garbage: counts free nearly all, and a look at all modules takes 30 ms."""
+
+_ANY_PATH = "utf-8", "surrogateescape"
+"""encoding and errors of a stream that writes everything as it is"""
 
 app = typer.Typer(
     name="omniservo",
@@ -96,6 +100,7 @@ def main(arguments: list[str] | None = None) -> None:
         arguments: what follows the program's name; None: what the process was called with.
     """
     gc.set_threshold(*_GARBAGE)
+    _spell_everything(sys.stdout)
     DOING.stage, DOING.written = "", []
     try:
         with _ended_cleanly():
@@ -120,6 +125,12 @@ def main(arguments: list[str] | None = None) -> None:
         if end.code == TERMINATED:
             _end(TERMINATED, DOING.ended("terminated"))
         raise
+
+
+def _spell_everything(stream: object) -> None:
+    """Let a stream write the numbers of characters that its encoding lacks, in place of failing."""
+    if isinstance(stream, io.TextIOWrapper) and (stream.encoding, stream.errors) != _ANY_PATH:
+        stream.reconfigure(errors="backslashreplace")
 
 
 @contextmanager
