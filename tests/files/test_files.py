@@ -9,7 +9,7 @@ import warnings
 import pytest
 
 from omniservo.errors import AlreadyExists, FeatureLoss, InputError, NotWritten
-from omniservo.files import parse_document, read_document, whole_folder, write_whole
+from omniservo.files import parse_document, python_class, read_document, whole_folder, write_whole
 from omniservo.files.own_warnings import own_warnings
 
 
@@ -184,3 +184,9 @@ def test_an_error_reaches_another_process_as_it_is(error):
     """One that does not would leave who waits for a pool of processes waiting for ever."""
     there = pickle.loads(pickle.dumps(error))  # noqa: S301
     assert (type(there), str(there), vars(there)) == (type(error), str(error), vars(error))
+
+
+def test_code_of_ones_own_means_what_it_means_alone(tmp_path):
+    file = tmp_path / "own.py"
+    file.write_text("class Own:\n    gain: float = 1.0\n")
+    assert python_class(f"{file}:Own", "method").__annotations__ == {"gain": float}
