@@ -28,7 +28,8 @@ def deferring(*names: str) -> Callable[[type[T]], type[T]]:
     """
 
     def state(instance: Any) -> dict[str, Any]:
-        return vars(instance) | {name: getattr(instance, name) for name in names}
+        known: dict[str, Any] = {name: getattr(instance, name) for name in names}
+        return {**vars(instance), **known}
 
     def decorate(cls: type[T]) -> type[T]:
         for name in names:
