@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import gc
 import io
+import os
 import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
+from pathlib import Path
 from types import FrameType
 from typing import Annotated, Any, NoReturn
 
@@ -100,6 +102,7 @@ def main(arguments: list[str] | None = None) -> None:
         arguments: what follows the program's name; None: what the process was called with.
     """
     gc.set_threshold(*_GARBAGE)
+    _open_closed_streams()
     _spell_everything(sys.stdout)
     DOING.stage, DOING.written = "", []
     try:
@@ -125,6 +128,13 @@ def main(arguments: list[str] | None = None) -> None:
         if end.code == TERMINATED:
             _end(TERMINATED, DOING.ended("terminated"))
         raise
+
+
+def _open_closed_streams() -> None:
+    """Put the null device in the place of streams that whoever called closed."""
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            setattr(sys, name, Path(os.devnull).open(mode, encoding="utf-8"))  # noqa: SIM115 — until the end
 
 
 def _spell_everything(stream: object) -> None:
