@@ -190,3 +190,13 @@ def test_code_of_ones_own_means_what_it_means_alone(tmp_path):
     file = tmp_path / "own.py"
     file.write_text("class Own:\n    gain: float = 1.0\n")
     assert python_class(f"{file}:Own", "method").__annotations__ == {"gain": float}
+
+
+def test_a_folder_behind_a_link_is_replaced_and_the_link_stays(tmp_path):
+    (tmp_path / "first").mkdir()
+    (tmp_path / "first" / "old").write_text("old")
+    (tmp_path / "latest").symlink_to("first")
+    with whole_folder(tmp_path / "latest", force=True) as work:
+        (work / "fresh").write_text("fresh")
+    assert [p.name for p in (tmp_path / "first").iterdir()] == ["fresh"]
+    assert (tmp_path / "latest").is_symlink()

@@ -102,6 +102,8 @@ def whole_folder(path: str | Path, *, force: bool = False, room: int = 0) -> Ite
         raise AlreadyExists(path)
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{path}: a file; a folder is needed")
+    if folder.is_symlink():
+        folder = folder.resolve()
     try:
         free = shutil.disk_usage(next(p for p in folder.absolute().parents if p.is_dir())).free
         if free < room:
