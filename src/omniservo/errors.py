@@ -3,6 +3,7 @@
 A wrong call raises; an unlucky computation returns a result with a status and its evidence.
 """
 
+import copyreg
 import difflib
 import reprlib
 from collections.abc import Iterable
@@ -39,6 +40,10 @@ def did_you_mean(given: object, legal: Iterable[str]) -> str:
 
 class OmniservoError(Exception):
     """The root: catching it catches everything that omniservo raises on purpose."""
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Let another process have it as it is: its message is not what it was made from."""
+        return copyreg.__newobj__, (type(self), *self.args), vars(self)  # type: ignore[attr-defined]
 
 
 class InputError(OmniservoError, ValueError):

@@ -1,9 +1,14 @@
+import io
 import json
+import sys
 
 import numpy as np
 import pytest
 from PIL import Image
 from tests.cli.calling import call
+
+from omniservo.cli.main import main
+from omniservo.cli.output import Output
 
 
 def problem(**changes):
@@ -58,6 +63,17 @@ def test_a_false_plan_is_refuted_with_exit_code_1_and_a_reason(capsys, tmp_path)
     code, _, err = call(capsys, "verify", plan)
     assert code == 1
     assert err.startswith("omniservo: refuted: ")
+
+
+def test_the_image_of_a_plan_that_was_refused_replaces_none_that_nobody_named(capsys, tmp_path):
+    obstacle = {"type": "sphere", "center": [0.2, 0.0, 0.1], "radius": 0.02}
+    source = written(tmp_path / "problem.json", problem(obstacles=[obstacle]))
+    (tmp_path / "plan.png").write_text("mine")
+    code, _, err = call(capsys, "plan", source, "--out", tmp_path / "plan.json", "--quiet")
+    assert code == 1
+    assert err.startswith("omniservo: infeasible: ")
+    assert (tmp_path / "plan.png").read_text() == "mine"
+    assert (tmp_path / "plan.json").is_file()
 
 
 def test_a_plan_of_more_margin_within_a_time_budget(capsys, tmp_path):
@@ -219,3 +235,19 @@ def test_a_camera_that_no_unified_one_comes_near_is_shown_all_the_same(capsys, s
     assert json.loads(out)["unified"]["largest_px"] > 1.0
     code, out, _ = call(capsys, "camera", "show", shared_data / "calibrations" / file)
     assert "as unified     at most " in out
+
+
+def test_what_is_said_stands_as_it_is(capsys):
+    """Neither markup nor names of emoji are looked for in paths."""
+    path = "/data/cam:a:1/[b]plan[/b].json"
+    Output().line(path)
+    assert capsys.readouterr().out == f"{path}\n"
+
+
+def test_what_the_terminals_encoding_does_not_have_is_spelled_out(monkeypatch):
+    written = io.BytesIO()
+    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(written, encoding="latin-1"))
+    with pytest.raises(SystemExit, match="0"):
+        main(["schema", "problem"])
+    sys.stdout.flush()
+    assert b"\\u03be" in written.getvalue()  # ξ

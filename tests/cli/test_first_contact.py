@@ -148,6 +148,18 @@ def test_a_plan_is_written_also_where_nobody_reads_what_is_said(tmp_path):
     assert b"Traceback" not in ended.stderr
 
 
+def test_a_plan_comes_to_the_same_where_standard_error_is_closed(tmp_path):
+    written(tmp_path / "problem.json", problem())
+    ended = subprocess.run(
+        ["sh", "-c", 'exec "$@" 2>&-', "sh", *COMMAND, "plan", "problem.json"],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        check=False,
+    )
+    assert ended.returncode == 0
+    assert ended.stdout.startswith(b"certified in")
+
+
 def test_a_command_that_compiles_says_so_while_it_does(tmp_path):
     script = (
         "import numpy as np\n"

@@ -1,11 +1,16 @@
+import os
+import pickle
 import resource
 import subprocess
 import sys
+import threading
+import warnings
 
 import pytest
 
-from omniservo.errors import InputError
-from omniservo.files import parse_document, read_document, whole_folder, write_whole
+from omniservo.errors import AlreadyExists, FeatureLoss, InputError, NotWritten
+from omniservo.files import parse_document, python_class, read_document, whole_folder, write_whole
+from omniservo.files.own_warnings import own_warnings
 
 
 def test_exponents_without_a_point_are_numbers():
@@ -125,3 +130,73 @@ def test_a_folder_that_appeared_during_the_work_is_not_replaced(tmp_path):
             (tmp_path / "out" / "theirs").write_text("old")
     assert (tmp_path / "out" / "theirs").read_text() == "old"
     assert (tmp_path / "out.incomplete" / "mine").read_text() == "new"
+
+
+@pytest.mark.parametrize("named", [".", ".."])
+def test_the_folder_that_one_works_in_is_never_replaced(named, tmp_path, monkeypatch):
+    work = tmp_path / "work"
+    work.mkdir()
+    (work / "precious.txt").write_text("mine")
+    monkeypatch.chdir(work)
+    with (
+        pytest.raises(InputError, match="holds the folder that this is run in"),
+        whole_folder(named, force=True),
+    ):
+        pass
+    assert (work / "precious.txt").read_text() == "mine"
+    assert [p.name for p in tmp_path.rglob("*")] == ["work", "precious.txt"]
+
+
+def test_what_is_no_file_is_not_replaced_by_one(tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with pytest.raises(InputError, match="a device or pipe; a file is needed"):
+        write_whole(pipe, "words", force=True)
+    assert pipe.is_fifo()
+
+
+def test_files_read_by_two_threads_at_once_leave_the_callers_warnings_as_they_were():
+    before, inside, both = list(warnings.filters), threading.Event(), threading.Event()
+
+    def first():
+        with own_warnings("ignore"):
+            inside.set()
+            both.wait(0.2)  # in vain: the second one's turn comes afterwards
+
+    def second():
+        inside.wait()
+        with own_warnings("error"):
+            both.set()
+            threads[0].join()
+
+    threads = [threading.Thread(target=work) for work in (first, second)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert list(warnings.filters) == before
+
+
+@pytest.mark.parametrize(
+    "error", [AlreadyExists("plan.json"), NotWritten("plan.json", "disk full"), FeatureLoss("3 of 9")]
+)
+def test_an_error_reaches_another_process_as_it_is(error):
+    """One that does not would leave who waits for a pool of processes waiting for ever."""
+    there = pickle.loads(pickle.dumps(error))  # noqa: S301
+    assert (type(there), str(there), vars(there)) == (type(error), str(error), vars(error))
+
+
+def test_code_of_ones_own_means_what_it_means_alone(tmp_path):
+    file = tmp_path / "own.py"
+    file.write_text("class Own:\n    gain: float = 1.0\n")
+    assert python_class(f"{file}:Own", "method").__annotations__ == {"gain": float}
+
+
+def test_a_folder_behind_a_link_is_replaced_and_the_link_stays(tmp_path):
+    (tmp_path / "first").mkdir()
+    (tmp_path / "first" / "old").write_text("old")
+    (tmp_path / "latest").symlink_to("first")
+    with whole_folder(tmp_path / "latest", force=True) as work:
+        (work / "fresh").write_text("fresh")
+    assert [p.name for p in (tmp_path / "first").iterdir()] == ["fresh"]
+    assert (tmp_path / "latest").is_symlink()

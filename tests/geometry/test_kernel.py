@@ -1,5 +1,10 @@
 """What kernels promise about their compilation."""
 
+import math
+import os
+import signal
+import threading
+
 import numpy as np
 import pytest
 
@@ -30,6 +35,24 @@ def _first_and_new(x: FloatArray) -> tuple[float, float]:
 @leaf
 def _makes_an_array(n: int) -> float:
     return float(np.ones(n).sum())
+
+
+@kernel
+def _slowly_several(n: int) -> tuple[int, FloatArray, FloatArray, FloatArray]:
+    total = np.zeros(3)
+    for k in range(n):
+        total[k % 3] += math.sin(k)
+    return n, total, 2.0 * total, 3.0 * total
+
+
+def test_a_ctrl_c_while_a_kernel_works_is_an_interrupt_and_no_crash():
+    _slowly_several(1)
+    pressed = threading.Timer(0.02, os.kill, (os.getpid(), signal.SIGINT))
+    pressed.start()
+    with pytest.raises(KeyboardInterrupt):
+        while True:
+            _slowly_several(10_000_000)
+    pressed.join()
 
 
 def test_a_kernel_is_compiled_once_for_all_constants_that_kernels_call_it_with():

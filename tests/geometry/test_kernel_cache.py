@@ -1,6 +1,7 @@
 """Compiled kernels on disk belong to this very code, whoever else is compiling."""
 
 import os
+import pwd
 import shutil
 import subprocess
 import sys
@@ -14,6 +15,8 @@ from numba.core.dispatcher import Dispatcher
 
 import omniservo
 from omniservo.cameras.models.block_kernels import write_pixels
+from omniservo.cli.compiled_record import CompiledRecord
+from omniservo.cli.first_steps import first_steps
 from omniservo.geometry import kernel_cache
 from omniservo.geometry.compiler_watch import CompilerWatch
 from omniservo.geometry.kernel import kernel, leaf
@@ -302,3 +305,17 @@ def test_the_private_parts_of_numba_that_are_used_are_those_that_were_tried(comp
     assert result.library.has_dynamic_globals is False
     assert callable(result.library._get_module_for_linking)
     assert isinstance(result.library.codegen._engine._defined_symbols, set)
+
+
+def test_a_user_without_a_home_keeps_no_kernels_and_meets_no_error(monkeypatch):
+    """As in a container that is run under a number that no one there has."""
+
+    def unknown(user):
+        raise KeyError(user)
+
+    for name in ("HOME", "XDG_CACHE_HOME"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(pwd, "getpwuid", unknown)
+    assert not CompiledRecord().save()
+    assert "omniservo warm-up" in first_steps()
+    assert not user_folder().parent.exists()

@@ -5,6 +5,7 @@ import struct
 
 import numpy as np
 import pytest
+from quad_cubes import quad_cubes
 from scipy.optimize import minimize_scalar
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
@@ -251,6 +252,14 @@ def load(folder, name, content, **fields):
     return PlanningProblem.from_dict(document, folder=folder)
 
 
+@pytest.mark.parametrize("corner", ["{0}", "{0}/1", "{0}//1", "{0}/1/1", "{1}"])
+def test_faces_of_four_corners_are_read_however_an_obj_names_them(tmp_path, corner):
+    places = ([0.0, 0.0, 0.0], [3.0, 0.0, 0.0])
+    meshes = load(tmp_path, "quads.obj", quad_cubes(*places, corner=corner).encode()).obstacles
+    for mesh, place in zip(meshes, places, strict=True):
+        assert sorted(mesh.vertices.tolist()) == sorted(np.add(CUBE, place).tolist())
+
+
 @pytest.mark.parametrize("name", WRITERS)
 def test_a_file_is_read_placed_and_embedded(tmp_path, name):
     place = {"scale": 0.001, "quaternion": TURN.as_quat().tolist(), "translation": [0.1, 0.2, 0.3]}
@@ -323,6 +332,13 @@ BROKEN = {
     "garbage": ("g.stl", bytes(range(256)) * 20, "not STL|no triangles"),
     "garbage text": ("g.obj", b"f a b c\nv x y z\n", "not OBJ|no triangles"),
     "cut text": ("t.stl", text_stl(triangles(CUBE))[:300], "not STL|no triangles"),
+    "second solid cut": (
+        "c.stl",
+        text_stl(triangles(CUBE)) + text_stl(triangles(CUBE + 2.0))[:300],
+        "not STL as far as can be read: a solid does not end",
+    ),
+    "corner 0": ("z.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 0 1 2\n", "not OBJ .* number 0"),
+    "two corners": ("y.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2\n", "not OBJ .* fewer than 3 corners"),
     "bad number": (
         "u.stl",
         text_stl(triangles(CUBE)).replace(b"1.0", b"one", 1),

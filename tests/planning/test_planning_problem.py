@@ -1,7 +1,10 @@
 """Problems and their files: round trips, defaults, and one clear message for everything wrong."""
 
+import copy
 import json
 import math
+import pickle
+from dataclasses import replace
 
 import cv2
 import mujoco
@@ -12,8 +15,23 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.camera_files import load_camera
 from omniservo.cameras import preset
+from omniservo.cameras.models import Pinhole
 from omniservo.errors import InputError
-from omniservo.planning import Degrees, PlanningProblem, Sphere, Workspace
+from omniservo.planning import (
+    Box,
+    Capsule,
+    Cloud,
+    Cylinder,
+    Degrees,
+    Ellipsoid,
+    HalfSpace,
+    Mesh,
+    PlanningProblem,
+    Sphere,
+    Workspace,
+    plan_path,
+)
+from omniservo.planning.search.search import search
 
 
 def fields() -> dict:
@@ -47,6 +65,53 @@ def test_arrays_of_a_problem_are_read_as_they_are_but_by_two_calls_of_scipy_that
         with pytest.raises(ValueError, match="read-only"):
             refuses(points)
         refuses(np.array(points))
+
+
+OBSTACLES = (
+    Sphere([0.0, -0.1, 0.2], 0.01),
+    Box([0.4, 0.0, 0.1], [0.01, 0.02, 0.03], motion=[[0.1, 0.0], [0.0, 0.0], [0.0, 0.0]]),
+    Capsule([0.4, 0.0, 0.1], [0.4, 0.0, 0.2], 0.01),
+    Cylinder([0.4, 0.0, 0.1], [0.4, 0.0, 0.2], 0.01),
+    Ellipsoid([0.4, 0.0, 0.1], [0.01, 0.02, 0.03]),
+    HalfSpace([1.0, 0.0, 0.0], -1.0),
+    Mesh([[0.4, 0.0, 0.0], [0.5, 0.0, 0.0], [0.4, 0.1, 0.0], [0.4, 0.0, 0.1]]),
+    Cloud([[0.4, 0.0, 0.1], [0.5, 0.0, 0.1]], 0.01),
+)
+
+
+def arrays_in(value):
+    """All arrays of a problem and of what it is made of."""
+    if isinstance(value, np.ndarray):
+        return [value]
+    own = type(value).__module__.startswith("omniservo")
+    parts = value if isinstance(value, tuple) else vars(value).values() if own else ()
+    return [array for part in parts for array in arrays_in(part)]
+
+
+@pytest.mark.parametrize("copied", [copy.copy, copy.deepcopy, lambda held: pickle.loads(pickle.dumps(held))])  # noqa: S301
+def test_nothing_of_a_copied_problem_can_be_changed_behind_the_back_of_its_proof(copied):
+    problem = PlanningProblem.from_dict(fields())
+    workspace = Workspace(
+        min=[-1.0, -1.0, -1.0], max=[1.0, 1.0, 1.0], half_spaces=(HalfSpace([0, 0, 1], -1),)
+    )
+    camera = Pinhole(300.0, 300.0, 319.5, 239.5, 640, 480)
+    for value in (
+        replace(problem, obstacles=OBSTACLES, workspace=workspace, initial_velocity=np.zeros(6)),
+        camera,
+    ):
+        assert value is camera or len(value.goal_quaternion) + len(value.goal_translation) == 7
+        found = arrays_in(copied(value))
+        assert len(found) == len(arrays_in(value)) > 0
+        assert not any(array.flags.writeable for array in found)
+
+
+def test_problems_from_files_and_from_python_are_planned_by_the_same_compiled_code():
+    problem = PlanningProblem.from_dict(fields())
+    found = plan_path(problem)
+    compiled = list(search.signatures)
+    again = plan_path(PlanningProblem(problem.camera, problem.points, problem.initial_T_goal))
+    assert (again.status, found.status) == ("certified", "certified")
+    assert search.signatures == compiled
 
 
 def test_a_full_problem_survives_the_round_trip_exactly(tmp_path):

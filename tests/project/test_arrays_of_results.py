@@ -1,6 +1,8 @@
 """Arrays that results hand out work with the libraries that people hand them to."""
 
+import copy
 import dataclasses
+import pickle
 
 import cv2
 import mujoco
@@ -81,3 +83,23 @@ def test_writing_to_a_result_changes_nothing_that_it_came_from():
     estimate.covariance[:] = 7.0
     np.testing.assert_array_equal(pixels, before)
     np.testing.assert_array_equal(estimate_pose(CAMERA, POINTS, pixels).residuals_px, again)
+
+
+@pytest.mark.parametrize("kind", RESULTS)
+def test_another_process_is_given_every_array_of_a_result(kind):
+    result = RESULTS[kind]()
+    sent = pickle.loads(pickle.dumps(result))  # noqa: S301
+    arrays = arrays_of(result)
+    assert arrays_of(sent).keys() == arrays.keys()
+    for name, array in arrays_of(sent).items():
+        np.testing.assert_array_equal(array, arrays[name])
+
+
+def test_a_covariance_that_is_read_late_is_that_of_the_estimate_as_it_was():
+    expected = RESULTS["two views"]()
+    written = RESULTS["two views"]()
+    kept = copy.copy(written)
+    written.inliers[:5] = False
+    for late in (written, kept):
+        np.testing.assert_array_equal(late.covariance, expected.covariance)
+        np.testing.assert_array_equal(late.points_covariance, expected.points_covariance)

@@ -13,7 +13,7 @@ from omniservo.reporting.figure_files import image_bytes
 from omniservo.reporting.margins import arm_gap, clearance
 from omniservo.reporting.path_3d import path_3d
 from omniservo.reporting.promise_words import CERTIFIED
-from omniservo.reporting.style import styled
+from omniservo.reporting.style import Drawing, new_axes, styled
 from omniservo.reporting.trajectories import image_trajectories, plane_trajectories
 from omniservo.reporting.write_figures import drawings
 from omniservo.results.run_log import RunLog
@@ -55,6 +55,17 @@ def test_figures_do_not_touch_matplotlibs_settings(run):
     before = dict(mpl.rcParams)
     image_bytes(next(drawings(run)), "png")
     assert dict(mpl.rcParams) == before
+
+
+def test_names_in_figures_are_no_formulas_whatever_a_user_has_set_matplotlib_to():
+    """Names of joints and files with dollars in them, and settings in which scientists write papers."""
+    with mpl.rc_context({"text.usetex": True, "axes.formatter.use_mathtext": True}):
+        with styled():
+            figure, axes = new_axes(3.0, 2.0)
+            axes.plot([0.0, 1e-7], [0.0, 1e9], label="link $\\frac$")
+            axes.set_title("joint a$^$b")
+            axes.legend()
+        assert len(image_bytes(Drawing("name", "", "", figure), "svg")) > 1000
 
 
 def test_a_figure_is_drawn_once_for_its_pixels_and_once_for_its_lines(run, monkeypatch):

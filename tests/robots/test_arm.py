@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.errors import InputError, JointLimit
-from omniservo.robots import Arm
+from omniservo.robots import Arm, load_arm
 
 # Modified (Craig) DH table of the standard RX60: alpha [deg], a [m], d [m], theta offset [deg].
 # Lengths: maker's manual D28045004E, 02/2008, pages 26-28: 341, 290, 49, 310, 65 mm. The elbow lies on -y
@@ -94,6 +94,22 @@ def test_every_inverse_branch_reaches_the_pose_within_limits(arm):
         for branch in branches:
             assert arm.within_limits(branch)
             np.testing.assert_allclose(arm.base_T_flange(branch).as_matrix(), goal.as_matrix(), atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["rx60", "panda"])
+@pytest.mark.parametrize(
+    "pose",
+    [
+        np.eye(4),
+        RigidTransform.from_translation(np.eye(3)),
+        RigidTransform.from_translation([np.nan, 0.0, 0.4]),
+    ],
+)
+def test_what_is_not_one_finite_pose_has_no_inverse(name, pose):
+    arm = load_arm(name)
+    for inverse in (arm.inverse, arm.branches, lambda pose: arm.inverse_near(pose, np.zeros(arm.dof))):
+        with pytest.raises(InputError, match="^base_T_flange: "):
+            inverse(pose)
 
 
 def test_inverse_branches_are_distinct_and_sorted(arm):

@@ -1,5 +1,6 @@
 """URDF and MJCF files: what is read, what stands in for what, and one clear message for everything else."""
 
+import pickle
 import re
 
 import mujoco
@@ -202,6 +203,20 @@ def test_links_called_like_the_simulators_bodies_get_another_name(tmp_path):
     names = [link.name for link in read(tmp_path, text).links]
     assert "camera" not in names
     assert "floor" not in names
+
+
+@pytest.mark.parametrize("name", ["tool0", "camera"])
+def test_an_arm_is_read_again_from_anywhere_with_the_flange_that_it_has(tmp_path, monkeypatch, name):
+    """By another process, and by who slows it down; a link called camera gets another name."""
+    (tmp_path / "arm.urdf").write_text(urdf().replace('"tool0"', f'"{name}"'))
+    monkeypatch.chdir(tmp_path)
+    arm = Arm("arm.urdf")
+    monkeypatch.chdir(tmp_path.parent)
+    for again in (arm.slowed(0.5), pickle.loads(pickle.dumps(arm))):  # noqa: S301
+        assert (again.flange, again.notices) == (arm.flange, arm.notices)
+        assert again.base_T_flange(np.ones(6)).as_matrix() == pytest.approx(
+            arm.base_T_flange(np.ones(6)).as_matrix()
+        )
 
 
 def test_mjcf_without_names_and_drives_is_an_arm(tmp_path):

@@ -1,5 +1,8 @@
+import base64
 import json
 import re
+import struct
+import zlib
 from importlib import resources
 
 import numpy as np
@@ -8,6 +11,7 @@ import trimesh
 import yaml
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import RigidTransform, Rotation
+from tests.planning.quad_cubes import quad_cubes
 from tests.robots.urdf_arms import urdf
 
 from omniservo.camera_files import save_camera
@@ -435,6 +439,20 @@ def test_a_goal_of_the_first_format_is_read(tmp_path):
     text = path.read_text().replace("omniservo.goal/2", "omniservo.goal/1").replace('"features"', '"dots"')
     path.write_text(text)
     np.testing.assert_array_equal(TaughtGoal.load(path).features, goal().features)
+    fields = json.loads(text)
+    TaughtGoal.from_dict(fields)
+    assert fields == json.loads(text)  # whose fields they are finds them as they were
+
+
+def test_a_goal_whose_image_says_that_it_is_huge_is_refused(tmp_path):
+    path, bomb = tmp_path / "goal.json", b"\x89PNG\r\n\x1a\n"
+    head = struct.pack(">IIBBBBB", 60_000, 60_000, 8, 0, 0, 0, 0)
+    for kind, data in ((b"IHDR", head), (b"IDAT", zlib.compress(b"0")), (b"IEND", b"")):
+        bomb += struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+    goal().save(path)
+    fields = json.loads(path.read_text()) | {"image_png": base64.b64encode(bomb).decode()}
+    with pytest.raises(InputError, match="image_png: not a PNG image"):
+        TaughtGoal.from_dict(fields)
 
 
 @pytest.mark.parametrize(
@@ -541,6 +559,29 @@ def test_moves_shift_what_is_known_from_their_time_on(tmp_path):
     assert side.offset == pytest.approx(-0.03)
 
 
+def test_an_obstacle_is_counted_once_whatever_parts_the_file_of_a_mesh_before_it_has(tmp_path):
+    """Two cubes in one file, then a ball."""
+    (tmp_path / "boxes.obj").write_text(quad_cubes([0, 0, 0], [5, 0, 0]))
+    document = MINIMAL | {
+        "obstacles": [{"center": [0, 0, 90], "half_extents": [5, 5, 5]}],
+        "planning": {"obstacles": [{"type": "mesh", "file": "boxes.obj"}, {"center": [0, 0, 90]}]},
+        "moves": [
+            {"time": time, "by": [10, 0, 0], "bodies": [0], "known": [k]} for k, time in enumerate((2, 1))
+        ],
+    }
+    task = load_task(written(tmp_path, document))
+    before, after, last = (task.known_obstacles(time) for time in (0.0, 1.0, 2.0))
+    assert [x == y for x, y in zip(before, after, strict=True)] == [True, True, False]
+    assert [x == y for x, y in zip(after, last, strict=True)] == [False, False, True]
+    document["planning"]["obstacles"][1]["radius"] = -1
+    with pytest.raises(InputError, match=r"planning\.obstacles\.1\.sphere\.radius"):
+        load_task(written(tmp_path, document))
+    document["planning"]["obstacles"][1]["radius"] = 1
+    document["moves"][1]["known"] = [2]
+    with pytest.raises(InputError, match=r"moves\.1\.known: 2 given; there are 2"):
+        load_task(written(tmp_path, document))
+
+
 @pytest.mark.parametrize(
     ("change", "says"),
     [
@@ -556,6 +597,20 @@ def test_a_move_that_cannot_be_is_refused(tmp_path, change, says):
     blocks = [{"center": [0, 0, 90], "half_extents": [5, 5, 5]}]
     with pytest.raises(InputError, match=says):
         load_task(written(tmp_path, MINIMAL | {"obstacles": blocks, "moves": [move]}))
+
+
+def test_a_task_knows_its_files_wherever_the_process_works_by_then(tmp_path, monkeypatch):
+    (tmp_path / "arm.urdf").write_text(urdf())
+    written(tmp_path, changed("arm.model", "arm.urdf"))
+    monkeypatch.chdir(tmp_path)
+    task = load_task("task.yaml", packages={"meshes": "."})
+    monkeypatch.chdir(tmp_path.parent)
+    kept = task.sources.kept(task)
+    assert (kept.task, sorted(kept.files), kept.packages) == (
+        "task.yaml",
+        ["arm.urdf", "task.yaml"],
+        {"meshes": "."},
+    )
 
 
 def test_files_elsewhere_are_read_only_where_the_reader_allows_it(tmp_path):

@@ -1,5 +1,6 @@
 """Where sight is asked for, no plan lets the arm or its surroundings stand between camera and target."""
 
+import copy
 import re
 from dataclasses import replace
 
@@ -60,6 +61,18 @@ def test_a_branch_is_judged_by_sight_only_where_points_are_named(hidden):
     judged = judged_branch(setting, bodies, found.branch, points)
     assert re.match(r"a point is hidden: upper_arm .* the line of sight to point 3", judged.reason)
     assert judged.w == pytest.approx(0.468, abs=0.05)
+
+
+def test_what_a_setting_was_made_from_may_be_lists_and_change_afterwards():
+    problem, setting = task("ur5e", 13)
+    mounted, around = list(setting.mounted), [Solid.sphere("ball", [0.0, 0.0, 3.0], 0.1)]
+    listed = replace(setting, mounted=mounted, surroundings=around)
+    mounted.clear()
+    around.clear()
+    assert (listed.mounted, len(listed.surroundings)) == (setting.mounted, 1)
+    points = setting.base_T_initial.apply(problem.points)
+    assert listed.own_sight_in(setting.start, points) == setting.own_sight_in(setting.start, points)
+    assert not copy.deepcopy(listed).start.flags.writeable
 
 
 def test_a_start_that_hides_a_point_is_refused_at_once():

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,6 +13,7 @@ from PIL import Image
 from omniservo.cameras.image_mask import MOST_CORNERS, MOST_POLYGONS, ImageMask, distance_beyond, mask_from
 from omniservo.errors import InputError
 from omniservo.files import read_bytes
+from omniservo.files.own_warnings import own_warnings
 from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray
 
 _MAX_BYTES = 16 * 2**20
@@ -100,7 +100,7 @@ def _hidden_pixels(path: str | Path, size: tuple[int, int]) -> BoolArray:
     """Return which pixels (height, width) the image hides; its size is checked before it is decoded."""
     data = read_bytes(path, max_bytes=_MAX_BYTES)
     try:
-        with warnings.catch_warnings(action="error"), Image.open(io.BytesIO(data), formats=_FORMATS) as image:
+        with own_warnings("ignore"), Image.open(io.BytesIO(data), formats=_FORMATS) as image:
             if image.width * image.height > _MAX_PIXELS:
                 raise InputError(
                     f"{path}: {image.width}x{image.height}; at most {_MAX_PIXELS} pixels are read"

@@ -32,7 +32,7 @@ from omniservo.cameras.model_domain import cosine_of_radius, model_domain
 from omniservo.cameras.model_error import ModelError, model_error_from
 from omniservo.errors import InputError
 from omniservo.field_docs import with_field_docs
-from omniservo.geometry.arrays import BoolArray, FloatArray, finite_number, frozen
+from omniservo.geometry.arrays import BoolArray, FloatArray, finite_number, frozen, frozen_again
 
 _LARGEST_XI = 1e6
 _ANGLE_SLACK = 1e-15
@@ -107,6 +107,8 @@ class UnifiedCamera(KernelCamera):
     """Largest angle from the axis at which points can be projected [rad]."""
     parameters: FloatArray = field(init=False, repr=False, compare=False)
     """What the kernels read, (13,), read-only; `unified_kernels` names the places."""
+
+    __setstate__ = frozen_again
 
     def __init__(
         self,

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import gc
+import io
+import os
 import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
+from pathlib import Path
 from types import FrameType
 from typing import Annotated, Any, NoReturn
 
@@ -41,6 +44,9 @@ from omniservo.errors import TERMINATED, AlreadyExists, InputError, NoSolutionEr
 
 _GARBAGE = (20_000, 20, 20)
 """Objects made between looks for garbage: counts free nearly all, and a look at all modules takes 30 ms."""
+
+_ANY_PATH = "utf-8", "surrogateescape"
+"""encoding and errors of a stream that writes everything as it is"""
 
 app = typer.Typer(
     name="omniservo",
@@ -96,6 +102,8 @@ def main(arguments: list[str] | None = None) -> None:
         arguments: what follows the program's name; None: what the process was called with.
     """
     gc.set_threshold(*_GARBAGE)
+    _open_closed_streams()
+    _spell_everything(sys.stdout)
     DOING.stage, DOING.written = "", []
     try:
         with _ended_cleanly():
@@ -120,6 +128,19 @@ def main(arguments: list[str] | None = None) -> None:
         if end.code == TERMINATED:
             _end(TERMINATED, DOING.ended("terminated"))
         raise
+
+
+def _open_closed_streams() -> None:
+    """Put the null device in the place of streams that whoever called closed."""
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            setattr(sys, name, Path(os.devnull).open(mode, encoding="utf-8"))  # noqa: SIM115 — until the end
+
+
+def _spell_everything(stream: object) -> None:
+    """Let a stream write the numbers of characters that its encoding lacks, in place of failing."""
+    if isinstance(stream, io.TextIOWrapper) and (stream.encoding, stream.errors) != _ANY_PATH:
+        stream.reconfigure(errors="backslashreplace")
 
 
 @contextmanager

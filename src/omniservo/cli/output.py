@@ -40,7 +40,7 @@ class Output:
     def line(self, text: str) -> None:
         """Print a line for a person; nothing under --json and --quiet."""
         if not (self.as_json or self.quiet):
-            Console(highlight=False, soft_wrap=True).print(text, markup=False)
+            Console(highlight=False, emoji=False, soft_wrap=True).print(text, markup=False)
 
     def result(self, values: dict[str, Any], name: str = "") -> None:
         """Print the command's JSON object under --json, with the format that `omniservo schema` describes.

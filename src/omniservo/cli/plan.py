@@ -11,7 +11,7 @@ import typer
 from omniservo.cli.grouped import grouped
 from omniservo.cli.output import ForceOption, Output, SeedOption, answer_is_no, with_unit
 from omniservo.errors import InputError
-from omniservo.files import require_file, writable, write_whole
+from omniservo.files import exists, require_file, writable, write_whole
 
 if TYPE_CHECKING:
     from omniservo.estimation import TwoViewEstimate
@@ -49,7 +49,8 @@ class _Results:
             output.written(self.out)
         drawn = self.draw
         if drawn is None and self.out is not None and plan.status != "certified":
-            drawn = self.out.with_suffix(".png")
+            beside = self.out.with_suffix(".png")
+            drawn = beside if self.force or not exists(beside) else None
         if drawn is not None:
             with output.working("drawing"):
                 from omniservo.reporting.figure_files import image_bytes

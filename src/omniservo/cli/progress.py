@@ -155,6 +155,7 @@ def _left(ends: float | None) -> str:
 
 def _bar() -> Bar:
     columns = (
-        SpinnerColumn(), TextColumn("{task.description}"), BarColumn(20), TimeElapsedColumn(), _TimeLeft(),
+        SpinnerColumn(), TextColumn("{task.description}", markup=False), BarColumn(20), TimeElapsedColumn(),
+        _TimeLeft(),
     )  # fmt: skip
-    return Bar(*columns, console=Console(stderr=True), transient=True)
+    return Bar(*columns, console=Console(stderr=True, emoji=False), transient=True)

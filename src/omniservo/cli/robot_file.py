@@ -84,7 +84,7 @@ class Approval:
         Raises:
             NoSolutionError: it is not.
         """
-        console = Console(stderr=True, highlight=False, soft_wrap=True)
+        console = Console(stderr=True, highlight=False, emoji=False, soft_wrap=True)
         console.print(f"about to: {motion}", markup=False)
         if not (self._yes or Confirm.ask("move the arm?", console=console, default=False)):
             raise NoSolutionError("the motion was not agreed to; nothing moved")

@@ -23,13 +23,18 @@ def later(function: Callable[[], T]) -> Any:
 def deferring(*names: str) -> Callable[[type[T]], type[T]]:
     """Let the named fields of a dataclass be given by `later`.
 
-    The function is called when the field is first read; what it returned is the field's value from then on,
-    so that a reader sees no difference.
+    The function is called when the field is first read, or a copy is made; what it returned is the field's
+    value from then on, so that a reader, and another process, sees no difference.
     """
+
+    def state(instance: Any) -> dict[str, Any]:
+        known: dict[str, Any] = {name: getattr(instance, name) for name in names}
+        return {**vars(instance), **known}
 
     def decorate(cls: type[T]) -> type[T]:
         for name in names:
             setattr(cls, name, _Deferred(name))
+        setattr(cls, "__getstate__", state)  # noqa: B010 — of a class of any kind
         return cls
 
     return decorate

@@ -331,7 +331,7 @@ def _with_pose(
         is_metric=request.metres is not None,
         covariance=later(uncertain.of_motion),
         points_covariance=later(uncertain.of_points),
-        inliers=fit.members,
+        inliers=fit.members.copy(),
         rms_px=math.sqrt(square / (2 * members.size)),
         noise_px=math.sqrt(weighted / max(members.size - MOTION_PARAMETERS, 1)),
         residuals_px=owned(residuals),

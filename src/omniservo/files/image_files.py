@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import os
-import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,6 +15,7 @@ from PIL import Image, UnidentifiedImageError
 
 from omniservo.errors import InputError, spelled
 from omniservo.files import read_bytes, write_whole
+from omniservo.files.own_warnings import own_warnings
 from omniservo.geometry.arrays import ByteArray
 
 MOST_PIXELS = 100_000_000
@@ -83,7 +83,7 @@ def _opened(path: str | Path) -> Iterator[Any]:
     data = read_bytes(path, max_bytes=MOST_BYTES)
     try:
         with (
-            warnings.catch_warnings(action="ignore"),
+            own_warnings("ignore"),
             Image.open(io.BytesIO(data), formats=FORMATS) as picture,
         ):
             width, height = picture.size

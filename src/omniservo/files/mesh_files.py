@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import logging
-import warnings
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +12,18 @@ import numpy as np
 from omniservo.errors import InputError
 from omniservo.files import read_bytes
 from omniservo.files.collada_text import collada_triangles
+from omniservo.files.obj_text import obj_triangles
+from omniservo.files.own_warnings import own_warnings
 from omniservo.geometry.arrays import FloatArray, IntArray
 
 MOST_BYTES = 16 * 2**20
 """A larger file is not read."""
+
+_HEADER, _RECORD = 84, 50
+"""[bytes] of a binary STL, and of each triangle in it"""
+
+_STOPPED = "string or file could not be read to its end"
+"""NumPy's warning where it stops in the middle of a text"""
 
 
 def read_triangles(path: Path) -> tuple[FloatArray, IntArray]:
@@ -31,52 +38,46 @@ def read_triangles(path: Path) -> tuple[FloatArray, IntArray]:
     kind = path.suffix.lower()
     if kind not in _LOADERS:
         raise InputError(f"{path}: {kind!r} given; legal: {', '.join(map(repr, _LOADERS))}")
-    content = io.BytesIO(read_bytes(path, max_bytes=MOST_BYTES))
+    content = read_bytes(path, max_bytes=MOST_BYTES)
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")  # NumPy warns where it stops in the middle of a text
-            loaded = _LOADERS[kind](content)
-        pieces = list(loaded["geometry"].values()) if "geometry" in loaded else [loaded]
-        vertices = [np.asarray(p["vertices"], dtype=np.float64).reshape(-1, 3) for p in pieces]
-        faces = [np.asarray(p.get("faces", np.zeros((0, 3))), dtype=np.int64).reshape(-1, 3) for p in pieces]
+        vertices, triangles = _LOADERS[kind](content)
     except Exception as error:
         raise InputError(f"{path}: not {kind[1:].upper()} as far as can be read: {error!s:.80}") from None
-    first = np.cumsum([0] + [len(v) for v in vertices])
-    joined = np.concatenate([np.zeros((0, 3)), *vertices])
-    shifted = [f + before for f, before in zip(faces, first[:-1], strict=True)]
-    triangles = np.concatenate([np.zeros((0, 3), np.int64), *shifted])
     if len(triangles) == 0:
         raise InputError(f"{path}: no triangles in it")
-    if not np.isfinite(joined).all():
-        row = int(np.argwhere(~np.isfinite(joined).all(axis=1))[0, 0])
-        raise InputError(f"{path}: vertex {row} is {joined[row].tolist()}; every number must be finite")
-    if triangles.min() < 0 or triangles.max() >= len(joined):
-        raise InputError(f"{path}: a triangle of vertex {triangles.max()}, but only {len(joined)} vertices")
-    return joined, triangles
+    if not np.isfinite(vertices).all():
+        row = int(np.argwhere(~np.isfinite(vertices).all(axis=1))[0, 0])
+        raise InputError(f"{path}: vertex {row} is {vertices[row].tolist()}; every number must be finite")
+    if triangles.min() < 0 or triangles.max() >= len(vertices):
+        raise InputError(f"{path}: a triangle of vertex {triangles.max()}, but only {len(vertices)} vertices")
+    return vertices, triangles
 
 
 _SILENT = logging.NullHandler()
 """Without a handler, what trimesh says of a broken file goes to standard error, with a traceback."""
 
 
-def _load_stl(content: io.BytesIO) -> dict[str, Any]:
+def _load_stl(content: bytes) -> tuple[FloatArray, IntArray]:
     from trimesh.exchange.stl import load_stl  # loads slowly, and few callers have meshes
 
     logging.getLogger("trimesh").addHandler(_SILENT)
-    loaded: dict[str, Any] = load_stl(content)
-    return loaded
+    with own_warnings("error", _STOPPED):
+        loaded: dict[str, Any] = load_stl(io.BytesIO(content))
+    solids = list(loaded["geometry"].values()) if "geometry" in loaded else [loaded]
+    corners = [np.asarray(solid["vertices"], dtype=np.float64).reshape(-1, 3) for solid in solids]
+    vertices = np.concatenate([np.zeros((0, 3)), *corners])  # three of each triangle, in their order
+    is_binary = len(content) == _HEADER + _RECORD * int.from_bytes(content[_HEADER - 4 : _HEADER], "little")
+    if not is_binary and content.lower().count(b"vertex") > len(vertices):
+        raise ValueError("a solid does not end")  # such ones are passed over
+    return vertices, np.arange(len(vertices)).reshape(-1, 3)
 
 
-def _load_obj(content: io.BytesIO) -> dict[str, Any]:
-    from trimesh.exchange.obj import load_obj
-
-    loaded: dict[str, Any] = load_obj(content, resolver=None, skip_materials=True)
-    return loaded
+def _load_obj(content: bytes) -> tuple[FloatArray, IntArray]:
+    return obj_triangles(content.decode("utf-8", "replace"))
 
 
-def _load_dae(content: io.BytesIO) -> dict[str, Any]:
-    vertices, triangles = collada_triangles(content.read().decode("utf-8"))
-    return {"vertices": vertices, "faces": triangles}
+def _load_dae(content: bytes) -> tuple[FloatArray, IntArray]:
+    return collada_triangles(content.decode("utf-8"))
 
 
 _LOADERS = {".stl": _load_stl, ".obj": _load_obj, ".dae": _load_dae}

@@ -17,9 +17,11 @@ def writable(path: str | Path, *, force: bool = False) -> None:
     """Refuse a result's path before the work is done, not after it.
 
     Raises:
-        InputError: the path exists and ``force`` is False, or its folder does not exist.
+        InputError: the path exists and ``force`` is False, or it holds the working folder, or its folder does
+            not exist.
     """
     target = Path(path)
+    _replaceable(target)
     if exists(target) and not force:
         raise AlreadyExists(path)
     if not target.parent.is_dir():
@@ -38,6 +40,20 @@ def exists(path: Path) -> bool:
         raise InputError(f"{spelled(str(path))}: not a path that a file can have") from None
 
 
+def _replaceable(path: Path) -> None:
+    """Refuse the working folder and those that it lies in: with it all that is there would go.
+
+    Raises:
+        InputError: it is one of them.
+    """
+    try:
+        here = Path.cwd()
+    except FileNotFoundError:  # it was removed
+        return
+    if exists(path) and here.is_relative_to(path.resolve()):
+        raise InputError(f"{path}: holds the folder that this is run in; legal: another")
+
+
 def write_whole(path: str | Path, content: str | bytes, *, force: bool = False) -> None:
     """Write a file whole or not at all: into a temporary file beside it, then renamed.
 
@@ -46,8 +62,8 @@ def write_whole(path: str | Path, content: str | bytes, *, force: bool = False) 
     """
     file = Path(path)
     writable(file, force=force)
-    if file.is_dir():
-        raise InputError(f"{path}: a folder; a file is needed")
+    if file.exists() and not file.is_file():
+        raise InputError(f"{path}: {'a folder' if file.is_dir() else 'a device or pipe'}; a file is needed")
     data = content.encode() if isinstance(content, str) else content
     try:
         handle, temporary = tempfile.mkstemp(prefix=f".{file.name}.", dir=file.parent)
@@ -77,14 +93,17 @@ def whole_folder(path: str | Path, *, force: bool = False, room: int = 0) -> Ite
         room: what the block is going to write [bytes].
 
     Raises:
-        InputError: the folder exists and ``force`` is False, its parent cannot be written, or the disk has
-            less than ``room`` or gets full.
+        InputError: the folder exists and ``force`` is False, it holds the working folder, its parent cannot
+            be written, or the disk has less than ``room`` or gets full.
     """
     folder = Path(path)
+    _replaceable(folder)
     if exists(folder) and not force:
         raise AlreadyExists(path)
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{path}: a file; a folder is needed")
+    if folder.is_symlink():
+        folder = folder.resolve()
     try:
         free = shutil.disk_usage(next(p for p in folder.absolute().parents if p.is_dir())).free
         if free < room:

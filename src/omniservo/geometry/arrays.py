@@ -79,6 +79,17 @@ def frozen(array: FloatArray) -> FloatArray:
     return copy
 
 
+def frozen_again(value: Any, state: dict[str, Any]) -> None:
+    """Give a copy the state of what it is of, its arrays read-only as they were: to be its ``__setstate__``.
+
+    Neither pickle nor `copy.deepcopy` keeps that of an array.
+    """
+    vars(value).update(state)
+    for name, held in state.items():
+        if isinstance(held, np.ndarray) and not name.startswith("_"):
+            held.setflags(write=False)
+
+
 def _is_of_shape(array: FloatArray, wanted: tuple[int | None, ...]) -> bool:
     tail = wanted[1:] if wanted[:1] == (-1,) else wanted
     given = array.shape[len(array.shape) - len(tail) :] if wanted[:1] == (-1,) else array.shape

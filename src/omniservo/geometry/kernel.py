@@ -14,13 +14,20 @@ whole block; the few points for which it was too short are done one by one behin
 
 import re
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any, TypeVar, cast
 
 import numba
+from numba.core import serialize
 from numba.core.types.misc import unliteral
 
 from omniservo.geometry.kernel_cache import KernelCache
 from omniservo.geometry.late import called_late
+
+serialize._numba_unpickle = lru_cache(maxsize=None)(serialize._numba_unpickle)
+"""Numba calls it for every array that a kernel returns. Written in Python it is where a Ctrl-C of meanwhile
+is raised, between two arrays of a tuple, which Numba does not expect: the process ends with a segmentation
+fault. What is kept is found without a line of Python."""
 
 BLOCK = 512
 """numbers: all arrays of such a loop stay in the nearest cache"""

@@ -221,7 +221,10 @@ def user_folder() -> Path:
     """Return the folder of this user's, this code's and this processor's kernels."""
     host, host_features = _host()
     name, features = os.environ.get(_NAME, host), os.environ.get(_FEATURES, host_features)
-    caches = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    try:
+        caches = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    except RuntimeError:  # a user without a home, as in some containers: nothing can be kept
+        caches = Path(os.devnull)
     return caches / "omniservo" / f"kernels-{_key(name, features)}"
 
 

@@ -12,7 +12,7 @@ from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import InputError
 from omniservo.field_docs import with_field_docs
-from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, frozen
+from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, frozen, frozen_again
 from omniservo.planning.pose_kernels import powers_along, write_states
 from omniservo.planning.quick_poses import quaternion_of
 
@@ -32,6 +32,8 @@ class CameraPath:
     """Ũ (4, σ+1), rows x, y, z, w, highest power first; read-only"""
     translation: FloatArray
     """Ṽ (3, τ+1) [m], highest power first; read-only"""
+
+    __setstate__ = frozen_again
 
     def __repr__(self) -> str:
         way = float(np.linalg.norm(self.translation[:, :-1].sum(axis=1)))

@@ -55,7 +55,7 @@ def margins_at_ends(problem: PlanningProblem) -> tuple[list[Entry], FloatArray]:
     constraints, optics, entries, table = constraint_table_of(problem)
     poses = (
         (np.array([0.0, 0.0, 0.0, 1.0]), np.zeros(3)),
-        (problem.goal_quaternion, problem.goal_translation),
+        (np.array(problem.goal_quaternion), np.array(problem.goal_translation)),
     )
     found = [pose_margins(constraints, optics, table, *pose, float(w)) for w, pose in enumerate(poses)]
     return entries, np.array(found)

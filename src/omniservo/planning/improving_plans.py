@@ -18,6 +18,9 @@ from omniservo.planning.time_budget import TimeBudget
 NOTABLY = 0.999
 """A better path has at most this part of the energy of the one before."""
 
+_TOGETHER = 8
+"""starts in one call of the kernel, which no signal interrupts"""
+
 Quality = Literal["effort", "margin"]
 """effort: bending energy. margin: the smallest margin; where the end poses themselves leave little of a
 constraint, it is kept at that and does not hold the others back."""
@@ -100,20 +103,18 @@ def first_proven(
 ) -> tuple[Found, int]:
     """Return the first proven path, else the best attempt, and how many starts were tried.
 
-    With a bounded budget every start is a call of its own, and the budget is checked between them. Starts
-    are tried, and counted, from ``begin`` on.
+    A few starts are one call, between which Ctrl-C is answered; with a bounded budget, which is checked
+    between them, every start is. Starts are tried, and counted, from ``begin`` on.
     """
-    if not budget.is_bounded:
-        found = search.run(begin, search.starts, economised)
-        return found, found.tried
-    best = search.run(begin, begin + 1, economised)
-    tried = begin + 1
-    while not best.proven and tried < search.starts and not budget.is_used_up:
-        found = search.run(tried, tried + 1, economised)
-        tried += 1
-        if found.proven or found.worst > best.worst:
-            best = found
-    return best, tried
+    together = 1 if budget.is_bounded else _TOGETHER
+    end = min(begin + together, search.starts)
+    best = last = search.run(begin, end, economised)
+    while not best.proven and last.tried == end < search.starts and not budget.is_used_up:
+        begin, end = end, min(end + together, search.starts)
+        last = search.run(begin, end, economised)
+        if last.proven or last.worst >= best.worst:
+            best = last
+    return best, last.tried
 
 
 def looked(tried: int, budget: TimeBudget) -> str:

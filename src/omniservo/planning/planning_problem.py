@@ -19,7 +19,7 @@ from omniservo.cameras.models import CentralModel
 from omniservo.errors import InputError, spelled
 from omniservo.field_docs import with_field_docs
 from omniservo.files import read_document, write_whole
-from omniservo.geometry.arrays import FloatArray, finite_number
+from omniservo.geometry.arrays import FloatArray, finite_number, frozen, frozen_again
 from omniservo.planning.checks import LARGEST, bounded_array
 from omniservo.planning.degrees import Degrees
 from omniservo.planning.obstacles.cloud import MOST_CLOUD_POINTS, Cloud
@@ -61,6 +61,8 @@ class PlanningProblem:
     initial_velocity: FloatArray | None = None
     """twist that the path starts with (6,), (linear [m], angular [rad]) per unit of w, in the initial camera
     frame, read-only; None: any. It takes one degree more to leave a path as much freedom as without"""
+
+    __setstate__ = frozen_again
 
     def __repr__(self) -> str:
         turn = np.rad2deg(self.initial_T_goal.rotation.magnitude())
@@ -148,13 +150,16 @@ class PlanningProblem:
 
     @cached_property
     def goal_quaternion(self) -> FloatArray:
-        """φ(1) (4,), (x, y, z, w), unit, w ≥ 0: by the short way round. By the long one φ ends at −φ(1)."""
-        return quaternion_of(self.initial_T_goal)
+        """φ(1) (4,), (x, y, z, w), unit, w ≥ 0: by the short way round. By the long one φ ends at −φ(1).
+
+        Read-only.
+        """
+        return frozen(quaternion_of(self.initial_T_goal))
 
     @cached_property
     def goal_translation(self) -> FloatArray:
-        """t(1) (3,) [m]."""
-        return np.ascontiguousarray(self.initial_T_goal.translation)
+        """t(1) (3,) [m], read-only."""
+        return frozen(self.initial_T_goal.translation)
 
     @cached_property
     def notices(self) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ from omniservo.camera_files.usual_error import with_error
 from omniservo.cameras.models import CentralModel, camera_from_dict
 from omniservo.errors import InputError, spelled, spelled_name
 from omniservo.files import file_inside
-from omniservo.geometry.arrays import FloatArray, finite_array
+from omniservo.geometry.arrays import FloatArray, finite_array, frozen
 from omniservo.planning.degrees import Degrees
 from omniservo.planning.obstacles.half_space import HalfSpace
 from omniservo.planning.obstacles.obstacle import Obstacle
@@ -74,7 +74,7 @@ def read_problem(make: Callable[..., P], fields: Any, folder: Path | None, sourc
             **given,
         )
         # Read from the rotation, its last digit could be another one than the file's.
-        vars(problem)["goal_quaternion"] = -quaternion if quaternion[3] < 0.0 else quaternion
+        vars(problem)["goal_quaternion"] = frozen(-quaternion) if quaternion[3] < 0.0 else quaternion
         return problem
     except InputError as error:
         raise InputError(f"{source}: {error}") from None

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from omniservo.errors import InputError
 from omniservo.field_docs import with_field_docs
-from omniservo.geometry.arrays import FloatArray
+from omniservo.geometry.arrays import FloatArray, frozen_again
 from omniservo.planning.checks import bounded_array
 from omniservo.planning.obstacles.half_space import HalfSpace
 
@@ -29,6 +29,8 @@ class Workspace:
     """(3,) [m], read-only"""
     half_spaces: tuple[HalfSpace, ...] = ()
     """free is normal·t ≥ offset: no clearance is added, so theirs must be None; nor do they move"""
+
+    __setstate__ = frozen_again
 
     def __post_init__(self) -> None:
         self._check_half_spaces()

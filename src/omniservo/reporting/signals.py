@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.ticker import FuncFormatter
+from matplotlib.ticker import FuncFormatter, LogFormatter
 
 from omniservo.geometry.arrays import FloatArray
 from omniservo.reporting.style import (
@@ -43,6 +43,7 @@ def image_error(result: RunResult) -> Drawing | None:
     axes.axhline(tolerance, color=REQUIRED, ls=":", lw=1.6, label=f"tolerance: {tolerance:g} px")
     axes.set_yscale("log")
     axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.yaxis.set_minor_formatter(LogFormatter())
     axes.set_xlabel("time [s]")
     axes.set_ylabel("rms distance of the points [px]")
     legend_below(figure, axes, 3)

@@ -56,6 +56,9 @@ _STYLE: Any = {
     "lines.linewidth": 1.8,
     "figure.facecolor": "white",
     "savefig.facecolor": "white",
+    "text.usetex": False,  # names of joints and files are no formulas, whatever the user's own settings are
+    "text.parse_math": False,
+    "axes.formatter.use_mathtext": False,
     "svg.hashsalt": "omniservo",
     "svg.fonttype": "path",
 }

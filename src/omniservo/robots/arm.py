@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import RigidTransform
 
-from omniservo.errors import InputError, JointLimit
+from omniservo.errors import InputError, JointLimit, spelled
 from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, frozen
 from omniservo.renamed import renamed_arguments, renamed_attribute
 from omniservo.robots.arm_files import read_arm_file
@@ -61,7 +61,8 @@ class Arm:
                 is legal.
         """
         self.path = Path(file)
-        self._packages, self._share = packages, 1.0
+        folders = {name: Path(folder).absolute() for name, folder in (packages or {}).items()}
+        self._given, self._share = (self.path.absolute(), flange, folders), 1.0
         self._file = read_arm_file(self.path, flange, packages)
         self._model = self._file.model
         self.joint_names = tuple(self._model.joint(i).name for i in range(self._model.njnt))
@@ -88,7 +89,7 @@ class Arm:
 
     def __reduce__(self) -> tuple[object, tuple[object, ...]]:
         """Another process reads the file again."""
-        return _read_again, (self.path.absolute(), self.flange, self._packages, self._share)
+        return _read_again, (*self._given, self._share)
 
     tool = renamed_attribute("tool", "flange")
     tool_link = renamed_attribute("tool_link", "flange_link")
@@ -105,7 +106,7 @@ class Arm:
             InputError: a share that is not legal.
         """
         finite_number("share", share, above=0.0, maximum=1.0)
-        return _read_again(self.path.absolute(), self.flange, self._packages, share * self._share)
+        return _read_again(*self._given, share * self._share)
 
     @property
     def name(self) -> str:
@@ -264,12 +265,11 @@ class Arm:
         seeded numeric search finds, which may miss some; of seven joints they are samples of families.
 
         Raises:
-            InputError: the pose is out of reach, or reached by no branch within the limits.
+            InputError: not one finite pose, out of reach, or reached by no branch within the limits.
         """
         if self._geometry is not None:
             return self._legal_branches(self._geometry, base_T_flange, 0.0)
-        goal = base_T_flange.as_matrix()
-        found = solutions(self.chain, np.ascontiguousarray(goal))
+        found = solutions(self.chain, _single(base_T_flange))
         if not len(found):
             raise self._not_found(base_T_flange)
         ordered: FloatArray = found[np.lexsort(found.T[::-1])]
@@ -284,15 +284,14 @@ class Arm:
         `inverse`.
 
         Raises:
-            InputError: the pose is out of reach; or ``q`` has a wrong shape, NaN or infinity.
+            InputError: not one finite pose, or out of reach; or ``q`` has a wrong shape, NaN or infinity.
         """
         near = finite_array("q", q, (self.dof,))
         if self._geometry is not None:
             free = float(near[self._geometry.free_joint])
             branches = self._legal_branches(self._geometry, base_T_flange, free)
         else:
-            goal = np.ascontiguousarray(base_T_flange.as_matrix())
-            found = descend_all(self.chain, goal, near[None])
+            found = descend_all(self.chain, _single(base_T_flange), near[None])
             branches = found if len(found) else self.inverse(base_T_flange)
         nearest: FloatArray = branches[int(np.argmin(np.abs(branches - near).max(axis=1)))]
         return nearest
@@ -317,7 +316,7 @@ class Arm:
         arms what `inverse` finds within the limits.
 
         Raises:
-            InputError: the pose is out of reach.
+            InputError: not one finite pose, or out of reach.
         """
         if self._geometry is not None:
             found = self._solutions(self._geometry, base_T_flange, 0.0)
@@ -332,7 +331,7 @@ class Arm:
     def _solutions(
         self, geometry: WristGeometry | ParallelGeometry, base_T_flange: RigidTransform, free: float
     ) -> FloatArray:
-        pose = base_T_flange.as_matrix()
+        pose = _single(base_T_flange)
         found = geometry.solutions(pose[:3, :3], pose[:3, 3], free)
         if not len(found):
             distance = float(np.linalg.norm(base_T_flange.translation))
@@ -416,12 +415,19 @@ _ANOTHER_UNIT = 5.0
 """A pose that many times farther off than the arm reaches is probably stated in another unit."""
 
 
+def _single(base_T_flange: RigidTransform) -> FloatArray:
+    """Return a pose (4, 4), checked."""
+    if not isinstance(base_T_flange, RigidTransform) or not base_T_flange.single:
+        raise InputError(f"base_T_flange: {spelled(base_T_flange)} given; one RigidTransform is needed")
+    return np.ascontiguousarray(finite_array("base_T_flange", base_T_flange.as_matrix(), (4, 4)))
+
+
 def _place(base_T_flange: RigidTransform) -> str:
     place = np.array2string(np.asarray(base_T_flange.translation), precision=4, separator=", ")
     return f"flange pose at {place} m in the base frame"
 
 
-def _read_again(file: Path, flange: str, packages: Mapping[str, str | Path] | None, share: float) -> Arm:
+def _read_again(file: Path, flange: str | None, packages: Mapping[str, Path], share: float) -> Arm:
     arm = Arm(file, flange=flange, packages=packages)
     arm._share = share
     arm.joint_speed = frozen(share * arm.joint_speed)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from omniservo.files import is_file, noting_reads, read_document, stated_units
 from omniservo.robots import TrackingTube, shipped_arms, shipped_tube
 from omniservo.shipped_tasks import task_file
 from omniservo.tasks.fields_at import fields_at
-from omniservo.tasks.obstacle_files import with_obstacle_files
+from omniservo.tasks.obstacle_files import with_all_parts, with_obstacle_files
 from omniservo.tasks.section import Section
 from omniservo.tasks.start_at_joints import start_at_joints
 from omniservo.tasks.task import FORMAT, Pose, Task
@@ -49,7 +49,8 @@ def load_task(
     files = TaskFiles(str(task), path.parent, allow_outside)
     with noting_reads() as read:
         loaded = _from_file(path, files, replacement, packages)
-    return loaded.read_from(TaskSources(path, read, packages or {}))
+    folders = {name: Path(folder).absolute() for name, folder in (packages or {}).items()}
+    return loaded.read_from(TaskSources(path.absolute(), read, folders))
 
 
 def _from_file(
@@ -70,7 +71,10 @@ def _from_file(
     if isinstance(truth, dict) and truth.get("true_camera") is not None:
         lens = found_camera("simulation.true_camera", truth["true_camera"], files)
         fields["simulation"] = {**truth, "true_camera": lens}
-    fields["planning"] = with_obstacle_files(fields.get("planning", {}), files, context["length"])
+    planning, stated = with_obstacle_files(fields.get("planning", {}), files, context["length"])
+    fields["planning"] = planning
+    if "moves" in fields:
+        fields["moves"] = with_all_parts(fields["moves"], stated, source)
     if isinstance(fields.get("arm"), dict):
         fields["planning"] = _found_tube(fields.get("planning"), fields["arm"], files)
         fields["arm"] = found_mount(found_arm(fields["arm"], files, packages), files)
@@ -79,7 +83,7 @@ def _from_file(
             fields["start"] = _found_start(fields, context, source)
         return Task.model_validate(fields, context=context)
     except ValidationError as error:
-        raise InputError(first_problem(error, source, Task)) from None
+        raise InputError(first_problem(error, source, Task, stated)) from None
 
 
 def found_camera(field: str, value: Any, files: TaskFiles) -> CentralModel:
@@ -162,13 +166,21 @@ def found_mount(arm: dict[str, Any], files: TaskFiles) -> dict[str, Any]:
     return arm
 
 
-def first_problem(error: ValidationError, source: str, document: type[Section]) -> str:
-    """Return what is wrong first in a file, whose sections are those of ``document``."""
+def first_problem(
+    error: ValidationError, source: str, document: type[Section], stated: Sequence[int] = ()
+) -> str:
+    """Return what is wrong first in a file, whose sections are those of ``document``.
+
+    ``stated``: which of the file's obstacles each of ``planning.obstacles`` is of.
+    """
     problem = error.errors()[0]
-    field = ".".join(str(part) for part in problem["loc"]) or document.__name__.lower()
+    place = list(problem["loc"])
+    if place[:2] == ["planning", "obstacles"] and len(place) > 2:
+        place[2] = stated[int(place[2])]
+    field = ".".join(map(str, place)) or document.__name__.lower()
     if problem["type"] == "extra_forbidden":
-        legal = fields_at(problem["loc"][:-1], document)
-        given = problem["loc"][-1]
+        legal = fields_at(place[:-1], document)
+        given = place[-1]
         return f"{source}: {field}: no such field; legal: {', '.join(legal)}{did_you_mean(given, legal)}"
     given = "" if problem["type"] == "missing" else f"; {spelled(problem['input'])} given"
     more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""

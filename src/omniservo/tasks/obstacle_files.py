@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,19 +19,46 @@ _COORDINATES = {"cloud": "points", "mesh": "vertices"}
 """type: the field that a file takes the place of"""
 
 
-def with_obstacle_files(planning: Any, files: TaskFiles, metres: float) -> Any:
+def with_obstacle_files(planning: Any, files: TaskFiles, metres: float) -> tuple[Any, list[int]]:
     """Return the section with coordinates, in units of ``metres``, in the place of meshes' and clouds' files.
 
-    Each closed convex part of a mesh's file is an obstacle of its own.
+    Each closed convex part of a mesh's file is an obstacle of its own; with the section comes which of the
+    file's obstacles each is of.
 
     Raises:
         InputError: a file that cannot be read, or a field beside it; the message names the field.
     """
     given = planning.get("obstacles") if isinstance(planning, dict) else None
     if not isinstance(given, list):
-        return planning
-    found = [part for i, obstacle in enumerate(given) for part in _parts(obstacle, i, files, metres)]
-    return {**planning, "obstacles": found}
+        return planning, []
+    found = [(part, i) for i, obstacle in enumerate(given) for part in _parts(obstacle, i, files, metres)]
+    return {**planning, "obstacles": [part for part, _ in found]}, [i for _, i in found]
+
+
+def with_all_parts(moves: Any, stated: Sequence[int], source: str) -> Any:
+    """Return the moves of a task's file with all parts of each known obstacle, by their own numbers.
+
+    Args:
+        moves: as the file has them.
+        stated: which of the file's obstacles each part is of.
+        source: stands first in messages.
+
+    Raises:
+        InputError: the file has no such obstacle.
+    """
+    count, found = len(set(stated)), []
+    if count == len(stated) or not isinstance(moves, list):
+        return moves
+    for i, move in enumerate(moves):
+        known = move.get("known") if isinstance(move, dict) else None
+        if isinstance(known, list) and known and all(type(k) is int and k >= 0 for k in known):
+            if max(known) >= count:
+                raise InputError(
+                    f"{source}: moves.{i}.known: {max(known)} given; there are {count}, counted from 0"
+                )
+            move = {**move, "known": [n for k in known for n, of in enumerate(stated) if of == k]}
+        found.append(move)
+    return found
 
 
 def _parts(obstacle: Any, number: int, files: TaskFiles, metres: float) -> list[Any]:

@@ -121,7 +121,7 @@ def load_robot(
     """
     with noting_reads() as read:
         robot = _from_file(Path(path), camera_source, speed, allow_outside=allow_outside)
-    robot._sources = TaskSources(Path(path), read, {})
+    robot._sources = TaskSources(Path(path).absolute(), read, {})
     return robot
 
 

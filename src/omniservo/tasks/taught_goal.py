@@ -79,7 +79,7 @@ class TaughtGoal:
         if not isinstance(document, dict) or document.get("format") not in (FORMAT, _FIRST_FORMAT):
             raise InputError(f"{path}: format: not a taught goal; legal: {FORMAT!r}, {_FIRST_FORMAT!r}")
         if document["format"] == _FIRST_FORMAT and "dots" in document:
-            document["features"] = document.pop("dots")
+            document = {"features" if name == "dots" else name: value for name, value in document.items()}
         for name in document:
             if name not in _FIELDS:
                 raise InputError(
@@ -109,7 +109,7 @@ def _image(encoded: object, camera: CentralModel, source: str) -> ByteArray:
                     f"the camera has {camera.width}×{camera.height}"
                 )
             return np.asarray(picture.convert("L"), dtype=np.uint8)
-    except (ValueError, OSError, SyntaxError) as error:
-        if isinstance(error, InputError):
-            raise
+    except InputError:
+        raise
+    except Exception:  # whatever a broken image makes the decoder raise
         raise InputError(f"{source}: image_png: not a PNG image") from None

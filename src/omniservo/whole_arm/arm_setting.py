@@ -11,7 +11,7 @@ from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import InputError
 from omniservo.field_docs import with_field_docs
-from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, frozen
+from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, frozen, frozen_again
 from omniservo.planning.obstacles.obstacle import Obstacle
 from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.robots import (
@@ -69,8 +69,11 @@ class ArmSetting:
     not"""
 
     __repr__ = short_repr
+    __setstate__ = frozen_again
 
     def __post_init__(self) -> None:
+        for name in ("mounted", "surroundings"):
+            object.__setattr__(self, name, tuple(getattr(self, name)))
         for name in ("clearance", "self_clearance", "limit_reserve"):
             finite_number(name, 0.0 if (value := getattr(self, name)) is None else value, minimum=0.0)
         finite_number("singular_value", self.singular_value, minimum=SINGULAR_VALUE)

@@ -25,7 +25,7 @@ from omniservo.cameras.image_mask import ImageMask, mask_from
 from omniservo.cameras.kernel_camera import KernelCamera, Kernels
 from omniservo.cameras.model_error import ModelError, model_error_from
 from omniservo.errors import InputError
-from omniservo.geometry.arrays import BoolArray, FloatArray, finite_number, frozen
+from omniservo.geometry.arrays import BoolArray, FloatArray, finite_number, frozen, frozen_again
 
 _COSINE_SLACK = 1e-15
 """a point at the largest angle itself is inside, whatever the rounding"""
@@ -79,6 +79,8 @@ class LensModel(KernelCamera, ABC):
     """Largest angle from the axis at which points can be projected [rad]."""
     parameters: FloatArray = field(init=False, repr=False, compare=False)
     """What the kernels read, read-only; `plane_kernels` and the model's own name the places."""
+
+    __setstate__ = frozen_again
 
     model: ClassVar[str]
     kernels: ClassVar[Kernels]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import warnings
 from dataclasses import asdict
 
 import cv2
@@ -71,10 +70,7 @@ def grey_of_compressed(message: CompressedImageMessage) -> ByteArray:
     data = message.data.tobytes()
     where = f"{message.ros_type}.data"
     try:
-        with (
-            warnings.catch_warnings(action="ignore"),
-            Image.open(io.BytesIO(data), formats=("JPEG", "PNG")) as head,
-        ):
+        with Image.open(io.BytesIO(data), formats=("JPEG", "PNG")) as head:
             width, height = head.size
     except UnidentifiedImageError:
         raise InputError(f"{where}: not an image; legal: JPEG, PNG") from None

@@ -73,7 +73,8 @@ def _check_path(problem: PlanningProblem, path: CameraPath) -> None:
         raise InputError(
             f"path: degrees {sigma} and {tau} given; legal: 1 to {highest[0]} and 1 to {highest[1]}"
         )
-    start, goal = ends_off(*path.powers, problem.goal_quaternion, problem.goal_translation)
+    ends = np.array(problem.goal_quaternion), np.array(problem.goal_translation)
+    start, goal = ends_off(*path.powers, *ends)
     if math.isnan(start):
         raise InputError("path: the quaternion is 0 at an end")
     for place, error, pose in (("start", start, "the identity"), ("end", goal, "the goal")):

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from omniservo.errors import InputError
 from omniservo.field_docs import with_field_docs
-from omniservo.geometry.arrays import FloatArray
+from omniservo.geometry.arrays import FloatArray, frozen_again
 from omniservo.planning.checks import bounded_array, own_clearance, own_motion, unit_vector
 from omniservo.planning.obstacles.core import Core, axes_of
 from omniservo.short_repr import short_repr
@@ -40,6 +40,7 @@ class Box:
     FIELDS: ClassVar = {"center": "center", "quaternion": "quaternion", "half_extents": "half_extents"}
 
     __repr__ = short_repr
+    __setstate__ = frozen_again
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "center", bounded_array("center", self.center, (3,)))

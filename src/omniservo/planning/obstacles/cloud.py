@@ -11,7 +11,7 @@ import numpy as np
 
 from omniservo.errors import InputError
 from omniservo.field_docs import with_field_docs
-from omniservo.geometry.arrays import FloatArray, finite_number
+from omniservo.geometry.arrays import FloatArray, finite_number, frozen_again
 from omniservo.planning.checks import LARGEST, bounded_array, own_clearance, own_motion
 from omniservo.planning.obstacles.ball_tree import BallTree, ball_tree, nearest_point
 from omniservo.planning.obstacles.cloud_boxes import MOST_BOXES, CloudBoxes, cloud_boxes
@@ -45,6 +45,7 @@ class Cloud:
     FIELDS: ClassVar = {"points": "points", "radius": "radius"}
 
     __repr__ = short_repr
+    __setstate__ = frozen_again
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "points", _checked_points(self.points))

@@ -9,7 +9,7 @@ import numpy as np
 
 from omniservo.errors import InputError
 from omniservo.field_docs import with_field_docs
-from omniservo.geometry.arrays import FloatArray, finite_number
+from omniservo.geometry.arrays import FloatArray, finite_number, frozen_again
 from omniservo.planning.checks import LARGEST, SMALLEST, bounded_array, own_clearance, own_motion
 from omniservo.planning.constraints.body_gap import CYLINDER
 from omniservo.planning.constraints.round_gap import cylinder_distance
@@ -41,6 +41,7 @@ class Cylinder:
     FIELDS: ClassVar = {"from": "start", "to": "end", "radius": "radius"}
 
     __repr__ = short_repr
+    __setstate__ = frozen_again
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "start", bounded_array("from", self.start, (3,)))

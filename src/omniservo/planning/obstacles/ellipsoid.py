@@ -9,7 +9,7 @@ import numpy as np
 
 from omniservo.errors import InputError
 from omniservo.field_docs import with_field_docs
-from omniservo.geometry.arrays import FloatArray
+from omniservo.geometry.arrays import FloatArray, frozen_again
 from omniservo.planning.checks import SMALLEST, bounded_array, own_clearance, own_motion, unit_vector
 from omniservo.planning.constraints.body_gap import ELLIPSOID
 from omniservo.planning.constraints.round_gap import ellipsoid_distance
@@ -41,6 +41,7 @@ class Ellipsoid:
     FIELDS: ClassVar = {"center": "center", "quaternion": "quaternion", "radii": "radii"}
 
     __repr__ = short_repr
+    __setstate__ = frozen_again
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "center", bounded_array("center", self.center, (3,)))

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from omniservo.field_docs import with_field_docs
-from omniservo.geometry.arrays import FloatArray, finite_number
+from omniservo.geometry.arrays import FloatArray, finite_number, frozen_again
 from omniservo.planning.checks import LARGEST, own_clearance, own_motion, unit_vector
 from omniservo.short_repr import short_repr
 
@@ -38,6 +38,7 @@ class HalfSpace:
     FIELDS: ClassVar = {"normal": "normal", "offset": "offset"}
 
     __repr__ = short_repr
+    __setstate__ = frozen_again
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "normal", unit_vector("normal", self.normal, 3))

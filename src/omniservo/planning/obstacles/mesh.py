@@ -10,7 +10,7 @@ import numpy as np
 
 from omniservo.errors import InputError
 from omniservo.field_docs import with_field_docs
-from omniservo.geometry.arrays import FloatArray, frozen
+from omniservo.geometry.arrays import FloatArray, frozen, frozen_again
 from omniservo.planning.checks import bounded_array, own_clearance, own_motion
 from omniservo.planning.constraints.body_gap import HULL
 from omniservo.planning.constraints.hull_gap import Hull, hull_gap
@@ -46,6 +46,7 @@ class Mesh:
     FIELDS: ClassVar = {"vertices": "vertices"}
 
     __repr__ = short_repr
+    __setstate__ = frozen_again
 
     def __post_init__(self) -> None:
         points = bounded_array("vertices", self.vertices, (None, 3))

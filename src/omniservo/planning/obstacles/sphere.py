@@ -8,7 +8,7 @@ from typing import ClassVar, Self
 import numpy as np
 
 from omniservo.field_docs import with_field_docs
-from omniservo.geometry.arrays import FloatArray, finite_number
+from omniservo.geometry.arrays import FloatArray, finite_number, frozen_again
 from omniservo.planning.checks import LARGEST, bounded_array, own_clearance, own_motion
 from omniservo.planning.obstacles.core import Core
 from omniservo.short_repr import short_repr
@@ -35,6 +35,7 @@ class Sphere:
     FIELDS: ClassVar = {"center": "center", "radius": "radius"}
 
     __repr__ = short_repr
+    __setstate__ = frozen_again
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "center", bounded_array("center", self.center, (3,)))

@@ -92,12 +92,12 @@ def ends_of(problem: PlanningProblem) -> Ends:
     φ(0) is the identity, so that 2 vec(φ*⊗φ′) = ω fixes the vector part of φ′(0), ω/2. Its scalar part
     changes ‖φ‖ only; it is that of the linear interpolation.
     """
-    quaternion = problem.goal_quaternion
+    quaternion = np.array(problem.goal_quaternion)  # a type of its own, read-only, would be compiled for
     departure = np.zeros(0)
     if problem.initial_velocity is not None:
         linear, angular = problem.initial_velocity[:3], problem.initial_velocity[3:]
         departure = np.array([*(0.5 * angular), quaternion[3] - 1.0, *linear])
-    return Ends(quaternion, problem.goal_translation, departure)
+    return Ends(quaternion, np.array(problem.goal_translation), departure)
 
 
 def ends_like(ends: Ends, path: CameraPath) -> Ends:

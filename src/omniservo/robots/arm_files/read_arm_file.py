@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ import numpy as np
 
 from omniservo.errors import InputError, spelled
 from omniservo.files import read_text
+from omniservo.files.own_warnings import own_warnings
 from omniservo.files.ros_packages import RosPackages
 from omniservo.files.xacro_files import xacro_advice
 from omniservo.files.xml_files import parse_elements
@@ -102,8 +102,7 @@ def _keep_hulls(spec: Any, vertices: Mapping[str, FloatArray]) -> None:
 
 def _compiled(spec: Any, file: Path) -> Any:
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of masses and inertias, which drives and bounds make harmless
+        with own_warnings("ignore"):  # of masses and inertias, which drives and bounds make harmless
             return spec.compile()
     except ValueError as error:
         raise _unreadable(file, error) from None

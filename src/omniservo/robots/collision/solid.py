@@ -13,7 +13,7 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.errors import InputError
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.along import along
-from omniservo.geometry.arrays import FloatArray, finite_array, frozen
+from omniservo.geometry.arrays import FloatArray, finite_array, frozen, frozen_again
 from omniservo.robots.collision.exact_vertices import add_hull
 from omniservo.robots.collision.plain import PLAIN
 from omniservo.short_repr import short_repr
@@ -55,6 +55,7 @@ class Solid:
     """(n, 3) of a hull [m], read-only; else None"""
 
     __repr__ = short_repr
+    __setstate__ = frozen_again
 
     def __post_init__(self) -> None:
         if self.kind not in SIZES:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from omniservo.errors import InputError
 from omniservo.field_docs import with_field_docs
-from omniservo.geometry.arrays import FloatArray, finite_array
+from omniservo.geometry.arrays import FloatArray, finite_array, frozen_again
 from omniservo.robots.path_following.quintic import pieces_between, quintic_pieces, quintic_values
 from omniservo.short_repr import short_repr
 
@@ -81,6 +81,7 @@ class JointPath:
     """the time that the joint with the farthest way needs for it at its nominal speed [s]"""
 
     __repr__ = short_repr
+    __setstate__ = frozen_again
 
     @property
     def feasible(self) -> bool:
