@@ -120,7 +120,7 @@ def test_what_a_method_is_given_is_what_the_images_say_of_the_points_in_both():
         np.testing.assert_allclose(poses[0].as_matrix(), poses[1].as_matrix(), atol=1e-8)
     np.testing.assert_allclose(controller.goal.points, GOAL.inv().apply(POINTS), atol=1e-8)
     assert {field.name for field in fields(seen)} == {
-        "time", "bearings", "distances", "goal_bearings", "goal_distances", "matrix"
+        "time", "bearings", "distances", "goal_bearings", "goal_distances", "pose_matrix"
     }  # fmt: skip
 
 
