@@ -81,8 +81,9 @@ def test_what_is_not_a_path_is_refused():
         CameraPath(good.rotation[:3], good.translation)
     with pytest.raises(InputError, match="path.translation: nan"):
         CameraPath(good.rotation, np.full((3, 3), np.nan))
-    with pytest.raises(InputError, match="w: nan"):
-        good(np.nan)
+    for of in (good, good.positions):
+        with pytest.raises(InputError, match="w: nan"):
+            of(np.nan)
     with pytest.raises(ValueError, match="read-only"):
         good.rotation[0, 0] = 1.0
 

@@ -16,9 +16,9 @@ def doctor(output: Output) -> None:
 
         checks = list(machine_checks())
     for check in checks:
-        output.line(f"{check.verdict:<6}{check.name:<13}{check.found}")
+        output.line(f"{check.verdict:<6}{check.name:<15}{check.found}")
         if check.next_step:
-            output.line(f"{'':<6}{'':<13}→ {check.next_step}")
+            output.line(f"{'':<6}{'':<15}→ {check.next_step}")
     wrong = [check for check in checks if check.verdict == "wrong"]
     output.result({"well": not wrong, "checks": [asdict(check) for check in checks]}, "doctor")
     if wrong:

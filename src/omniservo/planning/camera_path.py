@@ -85,8 +85,12 @@ class CameraPath:
         return np.array(self.rotation, order="C"), np.array(self.translation, order="C")
 
     def positions(self, w: npt.ArrayLike) -> FloatArray:
-        """Return t(w), (…, 3) [m], for w of shape (…)."""
-        at = np.asarray(w, dtype=np.float64)[..., None]
+        """Return t(w), (…, 3) [m], for w of shape (…).
+
+        Raises:
+            InputError: w is not finite.
+        """
+        at = finite_array("w", w, np.shape(w))[..., None]
         value = np.zeros((*at.shape[:-1], 3))
         for column in self.translation.T:
             value = value * at + column
