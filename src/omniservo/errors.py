@@ -3,7 +3,6 @@
 A wrong call raises; an unlucky computation returns a result with a status and its evidence.
 """
 
-import copyreg
 import difflib
 import reprlib
 from collections.abc import Iterable
@@ -43,7 +42,11 @@ class OmniservoError(Exception):
 
     def __reduce__(self) -> tuple[object, ...]:
         """Let another process have it as it is: its message is not what it was made from."""
-        return copyreg.__newobj__, (type(self), *self.args), vars(self)  # type: ignore[attr-defined]
+        return _made_again, (type(self), self.args), vars(self)
+
+
+def _made_again(kind: type[OmniservoError], arguments: tuple[object, ...]) -> OmniservoError:
+    return kind.__new__(kind, *arguments)
 
 
 class InputError(OmniservoError, ValueError):

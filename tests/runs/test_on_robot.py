@@ -20,7 +20,6 @@ from omniservo.hardware.rtde.server import UrStandIn
 from omniservo.robots import ArmMode, RobotState
 from omniservo.runs.on_robot import on_robot
 from omniservo.runs.open_hardware import open_bare, open_hardware, open_robot
-from omniservo.runs.robot_check import RobotCheck, StreamTimes
 from omniservo.runs.robot_delay import RobotDelay
 from omniservo.runs.robot_records import StoredDelay, require_check, save_check, save_delay, stored_delay
 from omniservo.runs.safety_of_task import safety_of_task
@@ -316,10 +315,7 @@ def filmed(tmp_path):
         write_png(picture, tmp_path / "images" / f"{number}.png")
 
 
-def test_a_check_says_what_the_driver_notices(robot_file, filmed, monkeypatch, capsys):
-    times = StreamTimes(500.0, 0.001, 0.002, 0.001)
-    found = RobotCheck(times, None, None, None, (), 0.1, None, ("no images come",))
-    monkeypatch.setattr("omniservo.runs.robot_check.check_robot", lambda *_: found)
+def test_a_check_says_what_the_driver_notices(robot_file, filmed, capsys):
     with serving() as server:
         server.speed_fraction = 0.5
         path = robot_file(address=server.address, options=_ports(server))

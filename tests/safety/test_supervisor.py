@@ -35,6 +35,12 @@ def stands_still(written):
     return np.abs(written.robot.read().joint_velocities).max() < 1e-2 and not written.commands[-1][1].any()
 
 
+def comes_to_rest(written):
+    """Whether the arm stands 0.3 s later."""
+    written.robot.advance(0.3)
+    return np.abs(written.robot.read().joint_velocities).max() < 1e-2
+
+
 def test_it_is_an_arm_driver_and_a_camera_source(guard):
     assert isinstance(guard(), ArmDriver)
     assert isinstance(guard(), CameraSource)
@@ -326,8 +332,7 @@ def test_an_error_of_the_robot_itself_brakes_it_and_is_the_loss_of_it(guard, wri
     assert isinstance(lost.value.__cause__, OSError)
     written.command = command
     assert written.stops >= 1
-    written.robot.advance(0.3)
-    assert np.abs(written.robot.read().joint_velocities).max() < 1e-2
+    assert comes_to_rest(written)
 
 
 def test_a_driver_that_stops_by_another_name_where_it_is_to_brake_hides_nothing(guard, written):
@@ -359,8 +364,7 @@ def test_an_arm_is_braked_although_what_was_sent_cannot_be_recorded(guard, writt
     with pytest.raises(OSError, match="no space"):
         supervisor.wait(0.1)
     assert written.stops == 1
-    written.robot.advance(0.3)
-    assert np.abs(written.robot.read().joint_velocities).max() < 1e-2
+    assert comes_to_rest(written)
 
 
 def test_an_arm_that_its_controller_stops_while_it_brakes_is_commanded_no_more(guard, written):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -16,8 +15,7 @@ from omniservo.calibration.boards import Board, BoardView, CircleGrid, find_boar
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError, NoSolutionError
 from omniservo.field_docs import with_field_docs
-from omniservo.files import read_bytes
-from omniservo.files.image_files import MOST_BYTES, image_size, read_grey_image
+from omniservo.files.image_files import copies_of, image_size, read_grey_image
 
 MOST_IMAGES = 2000
 
@@ -141,14 +139,6 @@ def _look(
         else:
             views.append(find_board(read_grey_image(path), board, camera))
     return views
-
-
-def copies_of(paths: Sequence[Path]) -> dict[int, Path]:
-    """Return the places of files that are copies of earlier ones, and of which these are."""
-    first: dict[bytes, int] = {}
-    digests = [hashlib.blake2b(read_bytes(path, max_bytes=MOST_BYTES)).digest() for path in paths]
-    earliest = [first.setdefault(digest, i) for i, digest in enumerate(digests)]
-    return {i: paths[k] for i, k in enumerate(earliest) if k != i}
 
 
 def _calibrated(

@@ -45,7 +45,7 @@ from omniservo.errors import TERMINATED, AlreadyExists, InputError, NoSolutionEr
 _GARBAGE = (20_000, 20, 20)
 """Objects made between looks for garbage: counts free nearly all, and a look at all modules takes 30 ms."""
 
-_ANY_PATH = "utf-8", "surrogateescape"
+_LOSSLESS = "utf-8", "surrogateescape"
 """encoding and errors of a stream that writes everything as it is"""
 
 app = typer.Typer(
@@ -103,7 +103,7 @@ def main(arguments: list[str] | None = None) -> None:
     """
     gc.set_threshold(*_GARBAGE)
     _open_closed_streams()
-    _spell_everything(sys.stdout)
+    _escape_unencodable(sys.stdout)
     DOING.stage, DOING.written = "", []
     try:
         with _ended_cleanly():
@@ -137,9 +137,9 @@ def _open_closed_streams() -> None:
             setattr(sys, name, Path(os.devnull).open(mode, encoding="utf-8"))  # noqa: SIM115 — until the end
 
 
-def _spell_everything(stream: object) -> None:
+def _escape_unencodable(stream: object) -> None:
     """Let a stream write the numbers of characters that its encoding lacks, in place of failing."""
-    if isinstance(stream, io.TextIOWrapper) and (stream.encoding, stream.errors) != _ANY_PATH:
+    if isinstance(stream, io.TextIOWrapper) and (stream.encoding, stream.errors) != _LOSSLESS:
         stream.reconfigure(errors="backslashreplace")
 
 

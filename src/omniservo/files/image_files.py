@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import io
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -28,6 +29,14 @@ FORMATS = ("PNG", "JPEG", "TIFF", "BMP", "PPM", "WEBP", "GIF")
 """Formats of images that are read; others may start programs, as EPS does."""
 
 _VIDEOS = (".mp4", ".mov", ".avi", ".mkv", ".webm", ".m4v")
+
+
+def copies_of(paths: Sequence[Path]) -> dict[int, Path]:
+    """Return the places of files that are copies of earlier ones, and of which these are."""
+    first: dict[bytes, int] = {}
+    digests = [hashlib.blake2b(read_bytes(path, max_bytes=MOST_BYTES)).digest() for path in paths]
+    earliest = [first.setdefault(digest, i) for i, digest in enumerate(digests)]
+    return {i: paths[k] for i, k in enumerate(earliest) if k != i}
 
 
 def read_image(path: str | Path) -> ByteArray:

@@ -1,4 +1,8 @@
-"""OBJ documents: the triangles of their faces."""
+"""OBJ documents: the triangles of their faces.
+
+trimesh 5.2 counts corners with negative numbers from the last vertex of the file, and leaves faces of four
+corners as they are.
+"""
 
 from __future__ import annotations
 

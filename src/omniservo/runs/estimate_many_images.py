@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
-from omniservo.calibration.calibrate_images import copies_of
 from omniservo.calibration.hand_eye import load_hand_eye, load_robot_poses, load_robot_sigmas
 from omniservo.camera_files import named_model
 from omniservo.cameras.models import CentralModel
@@ -30,6 +29,7 @@ from omniservo.estimation import (
 )
 from omniservo.estimation.view_scale import ViewScale
 from omniservo.field_docs import with_field_docs
+from omniservo.files.image_files import copies_of
 from omniservo.geometry.arrays import ByteArray, FloatArray, finite_number
 from omniservo.perception import DotKind, JoinedPoints, TagKind, join_images
 from omniservo.runs.estimate_images import read_image

@@ -32,7 +32,7 @@ def save_check(path: Path, robot: RobotFile, driver: str | None = None) -> Path:
         driver: replaced the file's.
     """
     beside = path.with_suffix(".check.json")
-    fields = {**_met_with(robot, driver), "robot_sha256": _hash(robot), "time": time.time()}
+    fields = {**_devices(robot, driver), "robot_sha256": _hash(robot), "time": time.time()}
     write_whole(beside, json.dumps({"format": CHECK, **fields}, indent=2) + "\n", force=True)
     return beside
 
@@ -50,7 +50,7 @@ def require_check(path: Path, robot: RobotFile, driver: str | None = None) -> No
     document = _document(beside, CHECK)
     if document.get("robot_sha256") != _hash(robot):
         raise InputError(f"{path}: changed since it was checked, or a file that it names; {again}")
-    for name, now in _met_with(robot, driver).items():
+    for name, now in _devices(robot, driver).items():
         if document.get(name) != now:
             was = spelled(document.get(name))
             raise InputError(f"{path}: checked with {name} {was}; it is {spelled(now)} now; {again}")
@@ -86,7 +86,7 @@ def save_delay(path: Path, robot: RobotFile, found: RobotDelay, driver: str | No
     beside = path.with_suffix(".delay.json")
     document = {
         "format": DELAY,
-        **_met_with(robot, driver),
+        **_devices(robot, driver),
         "camera_offset_s": found.camera.offset,
         "camera_offset_sigma_s": found.camera.sigma,
         "actuation_lag_s": found.actuation_lag,
@@ -106,7 +106,7 @@ def stored_delay(path: Path, robot: RobotFile, driver: str | None = None) -> Sto
     if not is_file(beside):
         return None
     document = _document(beside, DELAY)
-    for name, now in _met_with(robot, driver).items():
+    for name, now in _devices(robot, driver).items():
         if document.get(name) != now:
             raise InputError(
                 f"{beside}: measured with {name} {spelled(document.get(name))}; it is {spelled(now)} now; "
@@ -122,7 +122,7 @@ def stored_delay(path: Path, robot: RobotFile, driver: str | None = None) -> Sto
         raise InputError(f"{beside}: {error}") from None
 
 
-def _met_with(robot: RobotFile, driver: str | None) -> dict[str, str]:
+def _devices(robot: RobotFile, driver: str | None) -> dict[str, str]:
     own = robot.driver if driver is None else driver
     return {"driver": own, "address": robot.address, "camera_source": robot.camera.source}
 

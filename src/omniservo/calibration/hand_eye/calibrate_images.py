@@ -11,14 +11,13 @@ import numpy.typing as npt
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.calibration.boards import Board, find_board
-from omniservo.calibration.calibrate_images import copies_of
 from omniservo.calibration.hand_eye.calibrate_hand_eye import calibrate_hand_eye
 from omniservo.calibration.hand_eye.hand_eye import HandEye
 from omniservo.calibration.hand_eye.robot_poses import checked_poses
 from omniservo.cameras.models import CentralModel
 from omniservo.errors import InputError
 from omniservo.field_docs import with_field_docs
-from omniservo.files.image_files import read_grey_image
+from omniservo.files.image_files import copies_of, read_grey_image
 from omniservo.geometry.arrays import ByteArray, FloatArray
 from omniservo.perception import find_tags
 from omniservo.renamed import renamed_arguments
