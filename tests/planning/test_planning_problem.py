@@ -311,10 +311,12 @@ def test_a_quaternion_within_a_millionth_is_normalised_and_its_sign_chosen():
 
 
 def test_arrays_of_a_problem_are_read_only():
-    problem = PlanningProblem.from_dict(fields() | sphere())
-    for array in (problem.points, problem.obstacles[0].center):
-        with pytest.raises(ValueError, match="read-only"):
-            array[0] = 1.0
+    read = PlanningProblem.from_dict(fields() | sphere())
+    for problem in (read, PlanningProblem(read.camera, read.points, read.initial_T_goal, read.obstacles)):
+        ends = problem.goal_translation, problem.goal_quaternion
+        for array in (problem.points, problem.obstacles[0].center, *ends):
+            with pytest.raises(ValueError, match="read-only"):
+                array[0] = 1.0
 
 
 def test_wrong_python_types_are_refused():

@@ -252,6 +252,10 @@ def test_a_check_is_of_the_arms_file_and_the_mounts_too(robot_file, tmp_path):
     model.write_text(model.read_text().replace('axis="0 1 0"', 'axis="0 -1 0"', 1))
     with pytest.raises(InputError, match="changed since it was checked, or a file that it names"):
         require_check(path, load_robot(path))
+    save_check(path, load_robot(path))
+    robot_file(arm={"model": "arm.xml", "flange_T_camera": {"translation": [0.0, 0.0, 0.2]}})
+    with pytest.raises(InputError, match="changed since it was checked"):
+        require_check(path, load_robot(path))
 
 
 FOUND = RobotDelay(CameraDelay(0.043, 0.0015, 0.2, 90.0), 0.021, 0.001, 120)
