@@ -110,7 +110,11 @@ def test_everything_that_passed_is_in_it(recording):
     read = [m.header.stamp.seconds for m in messages(recording, topics.JOINT_STATES)]
     assert read == sorted(set(read))
     assert len([t for t in read if steps[0].state_time <= t]) > 10 * len(steps)
-    assert any(m.velocity.any() for m in messages(recording, topics.JOINT_COMMANDS))
+    commands = messages(recording, topics.JOINT_COMMANDS)
+    assert any(m.velocity.any() for m in commands)
+    sent = [m.header.stamp.seconds for m in commands]
+    assert sent == sorted(sent)
+    assert not set(sent) & set(read)  # each has the time at which it was sent
     assert len(messages(recording, topics.PLANNED_PATH)) == 1
     assert len(messages(recording, topics.END)) == 1
     metrics = json.loads((recording.parent / "metrics.json").read_text())

@@ -353,7 +353,7 @@ class Drive:
     def state(self, time):
         return RobotState(time, self.q.copy(), self.v.copy())
 
-    def follow(self, velocity, until, dead=np.inf):
+    def follow(self, velocity, until, dead=np.inf, readings=5e-3):
         """Return when the watch tells that it does not follow; infinity: never."""
         for k in range(1, round(until / 1e-3)):
             time = 1e-3 * k
@@ -362,12 +362,13 @@ class Drive:
             self.v = self.v + np.clip(change, -self.most, self.most)
             self.q = self.q + 1e-3 * self.v
             if k % 5 == 0:
-                self.history.measured(self.state(time))
+                if k % round(readings / 1e-3) == 0:
+                    self.history.measured(self.state(time))
                 try:
                     self.watch.check(self.history)
                 except NotFollowing:
                     return time
-                self.history.sent(np.full(self.n, velocity(time)))
+                self.history.sent(np.full(self.n, velocity(time)), time)
             self.sent.append(np.full(self.n, velocity(time)))
         return np.inf
 
@@ -393,6 +394,12 @@ def test_a_drive_that_cannot_accelerate_as_fast_as_it_is_sent_to_is_sound(arm, h
         return 0.3 + amplitude * np.sign(np.sin(2.0 * np.pi * hertz * time) + 0.3 * np.sin(9.1 * time))
 
     assert Drive(gain=1.5, arm=arm).follow(back_and_forth, 3.0) == np.inf
+
+
+def test_a_drive_whose_joints_are_reported_rarely_is_sound_however_violently_it_is_sent_to_and_fro():
+    drive, random = Drive(constant=0.02), np.random.default_rng(4)
+    steps = random.uniform(-1.0, 1.0, 1000)
+    assert drive.follow(lambda time: steps[int(time / 0.03)], 6.0, readings=0.02) == np.inf
 
 
 @pytest.mark.parametrize("dead", [1.6, 1.7, 2.25])

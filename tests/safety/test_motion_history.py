@@ -21,7 +21,7 @@ def test_positions_and_what_was_sent_are_known_for_two_seconds_back_however_long
     for k in range(1, round(12.0 / step)):
         if k % commands == 1 % commands:
             velocities = random.normal(size=2)
-            history.sent(velocities)
+            history.sent(velocities, times[-1])
         sums.append(sums[-1] + step * velocities)
         places.append(np.array([np.sin(k * step), np.cos(k * step)]))
         times.append(k * step)
@@ -34,9 +34,36 @@ def test_positions_and_what_was_sent_are_known_for_two_seconds_back_however_long
     np.testing.assert_allclose(slowest, sent, atol=1e-9)
 
 
+@pytest.mark.parametrize("age", [0.0, 0.012])
+def test_what_is_sent_counts_from_its_own_time_on_between_readings_that_are_rare_and_old(age):
+    random, history = np.random.default_rng(2), MotionHistory(reading(0.0, [0, 0]), np.full(2, 1e9))
+    sending, velocities = np.arange(1, 200) * 7e-3, random.normal(size=(199, 2))
+    readings = np.arange(1, 70) * 0.02
+    news = [(t, v) for t, v in zip(sending, velocities, strict=True)] + [(t + age, None) for t in readings]
+    for time, sent in sorted(news, key=lambda one: one[0]):
+        if sent is None:
+            history.measured(reading(time - age, [0, 0]))
+        else:
+            history.sent(sent, time)
+    sums = np.concatenate([np.zeros((1, 2)), np.cumsum(7e-3 * velocities[:-1], axis=0)])
+    asked = random.uniform(0.1, history.time, 60)
+    wanted = np.column_stack([np.interp(asked, sending, column) for column in sums.T])
+    np.testing.assert_allclose(history.at(asked)[1], wanted, atol=1e-6)
+
+
+def test_readings_and_what_was_sent_are_known_from_one_time_on_however_often_each_came():
+    history, velocity = MotionHistory(reading(0.0, [0, 0]), np.full(2, 1e9)), np.array([0.3, -0.2])
+    for k in range(3000):
+        history.sent(velocity, 0.0051 * k)
+        history.measured(reading(0.0051 * k + 0.0002, (0.0051 * k + 0.0002) * velocity))
+    q, sent, _ = history.at(history.time - np.array([0.0, 1.0, 2.0, 4.0, 8.0]))
+    np.testing.assert_allclose(q - q[0], sent - sent[0], atol=1e-9)
+    assert abs(q[0, 0] - q[2, 0]) == pytest.approx(0.6)
+
+
 def test_the_slowest_drive_goes_after_what_is_sent_with_its_acceleration():
     history = MotionHistory(reading(0.0, [0, 0]), np.array([2.0, 1e9]))
-    history.sent(np.array([1.0, 1.0]))
+    history.sent(np.array([1.0, 1.0]), 0.0)
     for time in np.arange(1, 201) * 5e-3:
         history.measured(reading(time, [0, 0]))
     _, sent, slowest = history.at(np.array([0.25, 1.0]))
@@ -46,7 +73,7 @@ def test_the_slowest_drive_goes_after_what_is_sent_with_its_acceleration():
 
 def test_before_the_first_reading_the_robot_stands_and_after_the_last_what_was_sent_leads_on():
     history = MotionHistory(reading(1.0, [0.3, 0.4]), np.full(2, 1e9))
-    history.sent(np.array([1.0, -1.0]))
+    history.sent(np.array([1.0, -1.0]), 1.0)
     for time in 1.0 + np.arange(1, 101) * 5e-3:
         history.measured(reading(time, [0.3, 0.4]))  # late readings: they do not show it yet
     np.testing.assert_allclose(history.at(np.array(0.2))[0], [0.3, 0.4])

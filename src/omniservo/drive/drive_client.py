@@ -400,7 +400,7 @@ class DriveClient:
                 self._history = MotionHistory(state, least)
             if state.time > self._history.time:
                 self._history.measured(state)
-            self._history.sent(status.joints[2])
+            self._history.sent(status.joints[2], status.time)
 
 
 def _state(status: Status) -> RobotState:

@@ -145,10 +145,11 @@ class JobRecording:
         )
         self._recording.write(topics.JOINT_STATES, message, self._time, stamp=state.time)
 
-    def command(self, velocities: FloatArray) -> None:
-        """Add joint velocities (n,) [rad/s] that were sent after the last reading."""
-        message = JointStateMessage(_header(self._time), self._names, velocity=velocities)
-        self._recording.write(topics.JOINT_COMMANDS, message, self._time)
+    def command(self, velocities: FloatArray, time: float) -> None:
+        """Add joint velocities (n,) [rad/s] that were sent at a time [s]."""
+        self._time = max(self._time, time)
+        message = JointStateMessage(_header(time), self._names, velocity=velocities)
+        self._recording.write(topics.JOINT_COMMANDS, message, self._time, stamp=time)
 
     def call(self, call: Call, *values: float) -> None:
         """Add a call to the robot that is led, or what it took in meanwhile."""

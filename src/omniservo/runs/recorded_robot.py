@@ -19,7 +19,7 @@ from omniservo.robots import Arm, CameraImage, RobotState
 from omniservo.ros_messages.messages import ImageMessage, JointStateMessage
 from omniservo.runs.recorded_job import RecordedJob, pixels_of
 from omniservo.safety import Passed, SafetyOptions
-from omniservo.safety.motion_history import MotionHistory
+from omniservo.safety.motion_history import MotionHistory, Sent
 from omniservo.safety.supervisor import Wish
 
 _ROUNDING = 1.5e-9
@@ -69,7 +69,7 @@ class RecordedRobot:
         self._events: deque[tuple[Call, FloatArray]] = deque()
         self._steps: deque[StepMessage] = deque()
         self._states: deque[RobotState] = deque()
-        self._commands: deque[FloatArray] = deque()
+        self._commands: deque[Sent] = deque()
         self._images: deque[ImageMessage] = deque()
         self._shown = job.newest_image
         self._image: CameraImage | None = None
@@ -223,7 +223,8 @@ class RecordedRobot:
             if call is Call.SENT:
                 if not self._commands:
                     raise InputError(f"{self._job.run.path}: {topics.JOINT_COMMANDS}: one is missing")
-                self._history.sent(self._commands.popleft())
+                sent = self._commands.popleft()
+                self._history.sent(sent.velocities, sent.time)
                 return
             time = float(values[0])
             while self._states and abs(self._state.time - time) > _ROUNDING:
@@ -273,7 +274,8 @@ class RecordedRobot:
                 self._states.append(self._checked(self._job.reading(message)))
             elif entry.topic == topics.JOINT_COMMANDS and isinstance(message, JointStateMessage):
                 where = f"{self._job.run.path}: {topics.JOINT_COMMANDS}: velocity"
-                self._commands.append(finite_array(where, message.velocity, (self.arm.dof,)))
+                velocities = finite_array(where, message.velocity, (self.arm.dof,))
+                self._commands.append(Sent(message.header.stamp.seconds, velocities))
         return True
 
     def _calls(self, message: CallsMessage) -> list[tuple[Call, FloatArray]]:

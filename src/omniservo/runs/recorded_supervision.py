@@ -15,7 +15,7 @@ from omniservo.recording import Call
 from omniservo.robots import Arm, CameraImage, RobotState
 from omniservo.runs.job_recording import JobRecording
 from omniservo.safety import Passed, SafetyOptions, SupervisedRobot
-from omniservo.safety.motion_history import MotionHistory
+from omniservo.safety.motion_history import MotionHistory, Sent
 from omniservo.safety.supervisor import Wish
 
 _T = TypeVar("_T")
@@ -131,10 +131,10 @@ class RecordedSupervision:
             self._recording.call(Call.RAISED)
             raise
 
-    def _taken_in(self, news: RobotState | FloatArray) -> None:
+    def _taken_in(self, news: RobotState | Sent) -> None:
         if isinstance(news, RobotState):
             self._recording.state(news)
             self._recording.call(Call.MEASURED, news.time)
         else:
-            self._recording.command(news)
+            self._recording.command(news.velocities, news.time)
             self._recording.call(Call.SENT)

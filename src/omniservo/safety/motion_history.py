@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,15 +16,25 @@ SPACING = 5e-3
 _DIGITS = 9
 """of times in seconds"""
 
-_ROWS = 1024
-"""half of them are always kept: 2.5 s and more"""
+_ROWS = 2048
+"""Half of them are always kept, at most two in a spacing: 2.5 s and more."""
+
+
+class Sent(NamedTuple):
+    """Velocities that joints were sent."""
+
+    time: float
+    """when [s]"""
+    velocities: FloatArray
+    """(n,) [rad/s]"""
 
 
 class MotionHistory:
-    """Joint positions q as they were read, and at the same instants where what was sent leads.
+    """Joint positions q as they were read, and where what was sent leads.
 
     Of the velocities u sent: S = ∫ u, and D = ∫ d, d a velocity that goes after u with the least acceleration
-    that a drive may have. All are linear between two readings; before the first the robot stands.
+    that a drive may have. Between two readings, and between two times of sending, all are linear; before the
+    first reading the robot stands. A reading may be older than what was sent before it came.
 
     Args:
         state: of the robot at rest.
@@ -32,65 +43,53 @@ class MotionHistory:
 
     def __init__(self, state: RobotState, acceleration: FloatArray) -> None:
         self._acceleration = acceleration
-        self.told: Callable[[RobotState | FloatArray], None] | None = None
+        self.told: Callable[[RobotState | Sent], None] | None = None
         """called with every reading, and with what is sent, as they are taken in"""
-        self._times = np.empty(_ROWS)
-        self._rows = np.empty((_ROWS, 3, len(acceleration)))
         self._velocities, self._slowest = np.zeros((2, len(acceleration)))
+        self._seen = _Samples(1, len(acceleration))
+        """q"""
+        self._sums = _Samples(2, len(acceleration))
+        """S and D, up to the newest time of a reading or of sending"""
         self.begin(state)
 
     def begin(self, state: RobotState) -> None:
         """Drop everything before; the robot stands."""
-        self._count = 1
-        self._times[0] = round(state.time, _DIGITS)
-        self._rows[0] = state.joint_positions, 0.0 * self._velocities, 0.0 * self._velocities
+        time = round(state.time, _DIGITS)
+        self._seen.begin(time, state.joint_positions[None])
+        self._sums.begin(time, np.zeros((2, len(self._acceleration))))
 
     @property
     def time(self) -> float:
         """Of the last reading [s]."""
-        return float(self._times[self._count - 1])
+        return self._seen.time
 
     def measured(self, state: RobotState) -> None:
         """Take a reading in; of a clock set back, begin anew. Times count to the nanosecond, as recorded."""
         if self.told is not None:
             self.told(state)
-        last, time = self._count - 1, round(state.time, _DIGITS)
-        elapsed = time - self._times[last]
-        if elapsed < 0.0:
+        time = round(state.time, _DIGITS)
+        if time < self.time:
             self.begin(state)
             return
-        if elapsed == 0.0:
-            self._rows[last, 0] = state.joint_positions
-            return
-        change = elapsed * self._acceleration
-        self._slowest = self._slowest + np.clip(self._velocities - self._slowest, -change, change)
-        sent = self._rows[last, 1] + elapsed * self._velocities
-        slowest = self._rows[last, 2] + elapsed * self._slowest
-        if last == 0 or time - self._times[last - 1] > SPACING + 1e-9:
-            last += 1
-        if last == _ROWS:
-            last = self._forget_old()
-        self._times[last] = time
-        self._rows[last] = state.joint_positions, sent, slowest
-        self._count = last + 1
+        self._seen.add(time, state.joint_positions[None])
+        self._add_up(time)
 
-    def sent(self, velocities: FloatArray) -> None:
-        """Take in what is sent from the last reading on: velocities (n,) [rad/s]."""
-        self._velocities = velocities
+    def sent(self, velocities: FloatArray, time: float) -> None:
+        """Take in what is sent from ``time`` [s] on: velocities (n,) [rad/s]."""
         if self.told is not None:
-            self.told(velocities)
+            self.told(Sent(time, velocities))
+        self._add_up(round(time, _DIGITS))
+        self._velocities = velocities
 
     def at(self, times: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return q, S and D, (…, n) [rad] each, at times (…) [s]; after the last reading, those of then."""
-        known = self._times[: self._count]
-        after = np.searchsorted(known, times).clip(1, max(self._count - 1, 1))
-        before = after - 1
-        if self._count == 1:
-            after = before
-        gap = known[after] - known[before]
-        share = np.clip((times - known[before]) / np.where(gap > 0.0, gap, 1.0), 0.0, 1.0)[..., None, None]
-        rows = (1.0 - share) * self._rows[before] + share * self._rows[after]
-        return rows[..., 0, :], rows[..., 1, :], rows[..., 2, :]
+        """Return q, S and D, (…, n) [rad] each, at times (…) [s].
+
+        After the last reading they are those of then; before all that is kept of readings and of what was sent,
+        those of its beginning.
+        """
+        times = np.clip(times, max(self._seen.begins, self._sums.begins), self.time)
+        sums = self._sums.at(times)
+        return self._seen.at(times)[..., 0, :], sums[..., 0, :], sums[..., 1, :]
 
     def expected(self, times: FloatArray) -> FloatArray:
         """Return the joints (…, n) [rad] at times (…) [s], beyond the last reading as what was sent leads on.
@@ -99,14 +98,70 @@ class MotionHistory:
         show yet what was sent in the last x.
         """
         last = self.time
-        q = self.at(times)[0]
         beyond = np.maximum(times - last, 0.0)
-        since = self.at(last - beyond)[1]
-        ahead: FloatArray = q + self._rows[self._count - 1, 1] - since
+        ahead: FloatArray = self.at(times)[0] + self.at(np.array(last))[1] - self.at(last - beyond)[1]
         return ahead
 
-    def _forget_old(self) -> int:
-        """Make room; return the row to write."""
-        kept = _ROWS // 2
-        self._times[:kept], self._rows[:kept] = self._times[-kept:], self._rows[-kept:]
-        return kept
+    def _add_up(self, time: float) -> None:
+        """Lead S and D on to a time [s] that is not before the newest."""
+        elapsed = time - self._sums.time
+        if elapsed <= 0.0:
+            return
+        change = elapsed * self._acceleration
+        self._slowest = self._slowest + np.clip(self._velocities - self._slowest, -change, change)
+        self._sums.add(time, self._sums.last + elapsed * np.stack([self._velocities, self._slowest]))
+
+
+class _Samples:
+    """Values (m, n) over time, the last of them, linear in between.
+
+    Args:
+        values: m.
+        dof: n.
+    """
+
+    def __init__(self, values: int, dof: int) -> None:
+        self._times, self._rows, self._count = np.empty(_ROWS), np.empty((_ROWS, values, dof)), 0
+
+    @property
+    def time(self) -> float:
+        """Of the last values [s]."""
+        return float(self._times[self._count - 1])
+
+    @property
+    def begins(self) -> float:
+        """Of the first values that are kept [s]."""
+        return float(self._times[0])
+
+    @property
+    def last(self) -> FloatArray:
+        """The last values."""
+        row: FloatArray = self._rows[self._count - 1]
+        return row
+
+    def begin(self, time: float, values: FloatArray) -> None:
+        """Drop everything before."""
+        self._count, self._times[0], self._rows[0] = 1, time, values
+
+    def add(self, time: float, values: FloatArray) -> None:
+        """Add values of a time [s] that is not before the last; nearer than `SPACING` they replace them."""
+        last = self._count - 1
+        if time > self._times[last] and (last == 0 or time - self._times[last - 1] > SPACING + 1e-9):
+            last += 1
+        if last == _ROWS:
+            last = _ROWS // 2
+            self._times[:last], self._rows[:last] = self._times[-last:], self._rows[-last:]
+        self._times[last], self._rows[last] = time, values
+        self._count = last + 1
+
+    def at(self, times: FloatArray) -> FloatArray:
+        """Return them (…, m, n) at times (…) [s]."""
+        known = self._times[: self._count]
+        after = np.searchsorted(known, times).clip(1, max(self._count - 1, 1))
+        before = after - 1
+        if self._count == 1:
+            after = before
+        gap = known[after] - known[before]
+        share = np.clip((times - known[before]) / np.where(gap > 0.0, gap, 1.0), 0.0, 1.0)[..., None, None]
+        rows: FloatArray = (1.0 - share) * self._rows[before] + share * self._rows[after]
+        return rows

@@ -291,13 +291,13 @@ class Supervisor:
                     self._link.wait(TICK)
                     obeys = not self._silent and self._brake_on()
             finally:
-                self._sent = np.zeros(self.arm.dof)
+                self._sent, self._sent_time = np.zeros(self.arm.dof), self._link.now
                 self._link.stop()
         except ServoStop as failed:
             self.stopped = self.stopped or failed
             raise
         finally:  # last: who is told of it may raise
-            self.history.sent(self._sent)
+            self.history.sent(self._sent, self._sent_time)
 
     def close(self) -> None:
         """Brake, then end the connections to arm and camera.
@@ -322,11 +322,12 @@ class Supervisor:
             state = self._seen_state()
             if state.mode is not ArmMode.READY:
                 return False
-            passed, self._sent_time = self._link.now - self._sent_time, self._link.now
+            passed = self._link.now - self._sent_time
             elapsed = passed if 0.0 < passed < TICK else TICK
+        self._sent_time = self._link.now
         self._sent = braked(self._sent, self.arm.joint_acceleration * elapsed)
         self._link.command(self._sent)
-        self.history.sent(self._sent)
+        self.history.sent(self._sent, self._sent_time)
         return True
 
     @contextmanager
@@ -410,7 +411,7 @@ class Supervisor:
         self._seen_time = state.time
         self._sent, self._sent_time = velocities, self._link.now  # first: it may move though the call fails
         self._link.command(velocities)
-        self.history.sent(velocities)
+        self.history.sent(velocities, self._sent_time)
 
     def _refuse_stale(self, state: RobotState) -> None:
         age = state.time - self._image_time
