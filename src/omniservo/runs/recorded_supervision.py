@@ -10,7 +10,6 @@ import numpy.typing as npt
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import ServoStop
-from omniservo.geometry.arrays import FloatArray
 from omniservo.recording import Call
 from omniservo.robots import Arm, CameraImage, RobotState
 from omniservo.runs.job_recording import JobRecording

@@ -84,8 +84,8 @@ class MotionHistory:
     def at(self, times: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return q, S and D, (…, n) [rad] each, at times (…) [s].
 
-        After the last reading they are those of then; before all that is kept of readings and of what was sent,
-        those of its beginning.
+        After the last reading they are those of then; before all that is kept of readings and of what was
+        sent, those of its beginning.
         """
         times = np.clip(times, max(self._seen.begins, self._sums.begins), self.time)
         sums = self._sums.at(times)
