@@ -34,7 +34,7 @@ def lit_triangles(
     Args:
         parts: `trimesh.Trimesh` in one frame, and the colour of each (sRGB).
         world_R_shape: how that frame stands in the world when the light falls on it.
-        opacity: 1 is opaque, and then of closed bodies; else they are surfaces that are seen from both sides.
+        opacity: 1 is opaque. Sides that turn away are not drawn: bodies are closed.
     """
     lit = []
     for shape, colour in parts:
@@ -48,7 +48,7 @@ def lit_triangles(
     scene: Any = trimesh.Scene(trimesh.util.concatenate(lit))
 
     def unlit(tree: dict[str, Any]) -> None:
-        surface = {} if opacity == 1.0 else {"alphaMode": "BLEND", "doubleSided": True}
+        surface = {} if opacity == 1.0 else {"alphaMode": "BLEND"}
         material = {"extensions": {"KHR_materials_unlit": {}}, **surface}
         tree["extensionsUsed"], tree["materials"] = ["KHR_materials_unlit"], [material]
         for mesh in tree["meshes"]:
