@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import numpy as np
+
+from omniservo.errors import InputError
 from omniservo.geometry.arrays import owned
 from omniservo.perception.feature_kind import require_features
 from omniservo.robots import next_image
@@ -10,6 +13,9 @@ from omniservo.runs.in_view import require_in_view, require_unhidden
 from omniservo.runs.robot_cell import RobotCell
 from omniservo.scenes.scene_of_task import goal_joints
 from omniservo.tasks import Task, TaughtGoal
+
+STANDS = 1e-3
+"""An arm whose joints turn by less while an image is taken stands [rad]."""
 
 
 def teach_goal(task: Task, cell: RobotCell) -> TaughtGoal:
@@ -30,10 +36,19 @@ def teach_here(task: Task, cell: RobotCell) -> TaughtGoal:
     """Return what the camera sees from where the arm now stands, with its joints.
 
     Raises:
-        InputError: too few features are seen.
+        InputError: too few features are seen, or the arm moves.
     """
+    before = cell.driver.read().joint_positions
     image = next_image(cell.camera, cell.wait)
+    joints = owned(cell.driver.read().joint_positions)
+    turned = np.abs(joints - before)
+    if turned.max() > STANDS:
+        name, most = cell.scene.arm.joint_names[int(turned.argmax())], np.rad2deg(turned.max())
+        raise InputError(
+            f"{task.name}: the goal image: {name} turned by {most:.2f} deg while it was taken; "
+            f"legal: an arm that stands, to {np.rad2deg(STANDS):.2f} deg"
+        )
     kind = feature_kind_of(task)
     pixels = kind.find(task.camera, image.pixels)
     require_features(len(pixels), kind.name, f"{task.name}: the goal image", kind.least)
-    return TaughtGoal(task.camera, image.pixels, owned(pixels), owned(cell.driver.read().joint_positions))
+    return TaughtGoal(task.camera, image.pixels, owned(pixels), joints)
