@@ -144,7 +144,7 @@ def _done(
     try:
         with (
             compiling_ahead(),
-            whole_folder(folder, force=results.force, room=room) as work,
+            whole_folder(folder, "metrics.json", force=results.force, room=room) as work,
             robot.cell_of(task, progress) as (begun, open_cell),
         ):
             if robot.on is None or taught is None:

@@ -17,7 +17,7 @@ from omniservo.files.documents import (
     stated_units,
 )
 from omniservo.files.python_class import python_class
-from omniservo.files.results import exists, unused, whole_folder, writable, write_whole
+from omniservo.files.results import exists, unused, whole_folder, writable, writable_folder, write_whole
 
 __all__ = [
     "MAX_BYTES",
@@ -39,5 +39,6 @@ __all__ = [
     "unused",
     "whole_folder",
     "writable",
+    "writable_folder",
     "write_whole",
 ]
