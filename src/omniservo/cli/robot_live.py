@@ -40,7 +40,7 @@ def check(
         from omniservo.runs.robot_check import check_robot
         from omniservo.runs.robot_records import save_check
 
-        approval = Approval(yes=yes)
+        approval = Approval(progress, yes=yes)
         loaded = parts.load(robot, allow_outside=allow_outside)
         arm = loaded.loaded_arm()
         progress("connecting to arm and camera")
@@ -95,7 +95,7 @@ def delay(
         from omniservo.runs.robot_records import save_delay
         from omniservo.safety import SafetyOptions
 
-        approval = Approval(yes=yes)
+        approval = Approval(progress, yes=yes)
         loaded = parts.load(robot, speed, allow_outside=allow_outside)
         progress("connecting to arm and camera")
         options = SafetyOptions(image_age=1.0, time_offset=0.5)

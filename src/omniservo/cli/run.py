@@ -100,7 +100,7 @@ def run(
     _refuse_early(task, methods, results, robot)
     with output.working("starting") as progress:
         progress("loading")  # no line of its own: a wrong call is one line
-        robot.approval()
+        robot.approval(progress)
         loaded = files.load(task, lens.opened_if_named(camera, largest_px))
         folder, found = _done(loaded, methods, results, robot, progress, output)
     _say(output, folder, found)
