@@ -114,15 +114,15 @@ class Progress:
             self._line(f"{stage}; {left}" if left else stage)
 
     @contextmanager
-    def asking(self) -> Iterator[None]:
-        """Leave the terminal to a question while the block runs; its answer takes no time of the job's."""
-        asked = perf_counter()
+    def aside(self) -> Iterator[None]:
+        """Leave the terminal to others while the block runs; an answer there takes no time of the job's."""
+        left = perf_counter()
         if self._bar is not None:
             self._bar.stop()
         yield
         if self._bar is not None:
             self._bar.start()
-        self._waited += perf_counter() - asked
+        self._waited += perf_counter() - left
 
     def _listen(self) -> None:
         """Watch the compiler once it is loaded: what never loads it is not made to wait for it."""

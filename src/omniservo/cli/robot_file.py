@@ -86,11 +86,18 @@ class Approval:
             NoSolutionError: it is not.
         """
         console = Console(stderr=True, highlight=False, emoji=False, soft_wrap=True)
-        with self._progress.asking():
+        with self._progress.aside():
             console.print(f"about to: {motion}", markup=False)
-            agreed = self._yes or Confirm.ask("move the arm?", console=console, default=False)
+            agreed = self._yes or _is_agreed(console)
         if not agreed:
             raise NoSolutionError("the motion was not agreed to; nothing moved")
+
+
+def _is_agreed(console: Console) -> bool:
+    try:
+        return Confirm.ask("move the arm?", console=console, default=False)
+    except EOFError:  # Ctrl-D is no answer
+        return False
 
 
 @dataclass(frozen=True)

@@ -141,6 +141,11 @@ def _done(
     folder = results.out if results.out is not None else _folder(task.name, methods, results.force)
     room = _ROOM * len(methods)
     seed, filmed = results.seed, results.film
+
+    def left(recording: Path) -> None:
+        with progress.aside():
+            output.written(recording)
+
     try:
         with (
             compiling_ahead(),
@@ -153,7 +158,7 @@ def _done(
                     goal=taught, seed=seed, filmed=filmed, progress=progress,
                 )  # fmt: skip
             else:
-                with recording_beside(folder, work, output.written) as recording:
+                with recording_beside(folder, work, left) as recording:
                     found = run_recorded_into(
                         work, begun, open_cell, recording, goal=taught, seed=seed, filmed=filmed,
                         progress=progress,
