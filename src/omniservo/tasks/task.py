@@ -93,7 +93,7 @@ class ArmMount(Section):
         far = float(np.linalg.norm(pose.translation))
         if far > FARTHEST_MOUNT:
             raise ValueError(
-                f"the camera is {far:g} m from the flange; at most {FARTHEST_MOUNT:g} m are legal: millimetres "
+                f"the camera is {far:g} m from the flange; legal: {FARTHEST_MOUNT:g} m at most; millimetres "
                 "for metres? units: {length: mm} says so"
             )
         return pose
