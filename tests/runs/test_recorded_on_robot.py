@@ -243,12 +243,24 @@ def test_a_recording_moves_into_the_folder_or_stays_beside_it(tmp_path):
     with recording_beside(tmp_path / "a", work, left.append) as recording:
         assert Path(recording.unfinished).name == "a.unfinished.mcap"
     assert [p.name for p in work.iterdir()] == ["recording.mcap"]
-    with pytest.raises(KeyboardInterrupt), recording_beside(tmp_path / "a", work, left.append):
+    with pytest.raises(KeyboardInterrupt), recording_beside(tmp_path / "a", work, left.append) as recording:
+        recording.parameters({"task": "none"})
         raise KeyboardInterrupt
     (tmp_path / "a-2.unfinished.mcap").touch()
-    with pytest.raises(InputError, match="no"), recording_beside(tmp_path / "a", work, left.append):
+    with (
+        pytest.raises(InputError, match="no"),
+        recording_beside(tmp_path / "a", work, left.append) as recording,
+    ):
+        recording.parameters({"task": "none"})
         raise InputError("no")
     assert [p.name for p in left] == ["a.mcap", "a-3.mcap"]
+
+
+def test_a_run_that_is_refused_before_anything_is_recorded_leaves_no_recording(tmp_path):
+    left = []
+    with pytest.raises(InputError, match="no"), recording_beside(tmp_path / "a", tmp_path, left.append):
+        raise InputError("no")
+    assert (left, list(tmp_path.iterdir())) == ([], [])
 
 
 @pytest.fixture(scope="module")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import socket
 from collections.abc import Callable
 from contextlib import suppress
@@ -25,8 +27,9 @@ class Listener:
     def __init__(self, host: str, port: int, handle: Callable[[socket.socket], None]) -> None:
         try:
             self._socket = socket.create_server((host, port))
-        except OSError as error:
-            raise InputError(f"{host}:{port}: cannot be listened at: {error.strerror or error}") from None
+        except OSError as error:  # whose own words have the address once more
+            why = os.strerror(error.errno) if error.errno in errno.errorcode else error
+            raise InputError(f"{host}:{port}: cannot be listened at: {why}") from None
         self.port: int = self._socket.getsockname()[1]
         """which is listened at"""
         self._handle = handle

@@ -214,8 +214,8 @@ def _look(task: Task, cell: RobotCell, progress: Progress) -> tuple[CameraImage,
 def _goal(
     task: Task, open_cell: OpenCell, goal: TaughtGoal | None, seed: int, progress: Progress
 ) -> TaughtGoal:
-    progress("teaching the goal", 0.0)
     if goal is None:
+        progress("teaching the goal", 0.0)
         require_in_view(task, RigidTransform.identity(), "the initial image")
         with closing(open_cell(task, seed + 1)) as cell:
             return teach_goal(task, cell)

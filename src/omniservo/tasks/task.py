@@ -55,6 +55,10 @@ class Pose(Turned):
         return RigidTransform.from_components(np.asarray(self.translation), self.rotation)
 
 
+FARTHEST_MOUNT = 3.0
+"""A camera that sits farther from the flange was stated in another unit [m]."""
+
+
 class ArmMount(Section):
     """The arm, where it stands, and how the camera sits on it."""
 
@@ -82,6 +86,17 @@ class ArmMount(Section):
         return fields
 
     tool: ClassVar[Any] = renamed_attribute("tool", "flange")
+
+    @field_validator("flange_T_camera")
+    @classmethod
+    def _near(cls, pose: Pose) -> Pose:
+        far = float(np.linalg.norm(pose.translation))
+        if far > FARTHEST_MOUNT:
+            raise ValueError(
+                f"the camera is {far:g} m from the flange; legal: {FARTHEST_MOUNT:g} m at most; millimetres "
+                "for metres? units: {length: mm} says so"
+            )
+        return pose
 
     @field_validator("mount_covariance")
     @classmethod

@@ -348,6 +348,10 @@ def joint_order(names: Sequence[str]) -> list[int]:
     prefixes = {name.removesuffix(UR_JOINTS[k]) for name, k in zip(bare, order, strict=True) if k >= 0}
     clean = all(prefix == "" or not prefix[-1].isalnum() for prefix in prefixes)
     if sorted(order) != list(range(len(UR_JOINTS))) or len(prefixes) != 1 or not clean:
-        given = ", ".join(map(spelled_name, names))
-        raise InputError(f"joint_names {given}: this arm has {', '.join(UR_JOINTS)}")
+        unknown = [name for name, k in zip(names, order, strict=True) if k < 0] or names
+        given = ", ".join(map(spelled_name, unknown))
+        raise InputError(
+            f"joint_names {given}: this arm has {', '.join(UR_JOINTS)}; a robot file's joints say what it "
+            "calls each"
+        )
     return order
