@@ -48,9 +48,9 @@ class PathRods:
         """Put it along places (m, 3) in the world [m], between which it is straight."""
         ends = _evenly(places)
         parts = np.diff(ends, axis=0)
-        longest = float(np.linalg.norm(parts, axis=1).max())
+        longest = max(float(np.linalg.norm(parts, axis=1).max()), self._radius / _LONGER)
         if not _SHORTER * self._length <= longest <= self._length:
-            self._make(max(_LONGER * longest, self._radius))
+            self._make(_LONGER * longest)
         for known, group in self._groups.items():
             group.visible = known == colour
         middles, turns = 0.5 * (ends[1:] + ends[:-1]), _turns_to(parts)
