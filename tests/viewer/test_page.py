@@ -1,3 +1,4 @@
+import asyncio
 import io
 import json
 import threading
@@ -21,6 +22,7 @@ from omniservo.viewer.along_path import curves_of
 from omniservo.viewer.answer import Answer
 from omniservo.viewer.image_tab import ImageTab
 from omniservo.viewer.new_obstacle import new_obstacle
+from omniservo.viewer.obstacle_tab import ObstacleTab
 from omniservo.viewer.open_viewed import UPRIGHT, Viewed, open_viewed
 from omniservo.viewer.repeating import Repeating
 from omniservo.viewer.serve_page import serve_page
@@ -103,6 +105,22 @@ def test_what_is_asked_for_after_a_refused_edit_is_done(page):
         go_on.set()
     holds = page.wait_for(lambda answer: answer.situation.problem.clearance == 0.002, PATIENCE)
     assert holds.number > number
+
+
+def test_the_numbers_of_an_obstacle_are_shown_by_one_thread(page, monkeypatch):
+    (tab,) = (found for each in page.listeners if isinstance(found := each.__self__, ObstacleTab))
+    show, threads = tab._show_numbers, []
+
+    def noted(situation):
+        threads.append(threading.current_thread().name)
+        show(situation)
+
+    monkeypatch.setattr(tab, "_show_numbers", noted)
+    number = page.answer.number
+    page.edit(lambda situation: situation.without(0))
+    settled(page, number)
+    asyncio.run_coroutine_threadsafe(asyncio.sleep(0.0), page.server.get_event_loop()).result(PATIENCE)
+    assert set(threads) == {"planner"}
 
 
 def test_a_page_that_is_closed_leaves_no_one_waiting_for_its_replay(tmp_path):
