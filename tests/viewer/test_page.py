@@ -15,7 +15,7 @@ from websockets.sync.client import connect
 
 from omniservo.cameras import preset
 from omniservo.errors import InputError, OmniservoError
-from omniservo.planning import PlanningProblem, plan_path
+from omniservo.planning import Capsule, PlanningProblem, plan_path
 from omniservo.planning.obstacles.obstacle import KINDS
 from omniservo.verification import verify_plan
 from omniservo.viewer.along_path import curves_of
@@ -160,6 +160,38 @@ def test_a_camera_that_stays_in_its_place_is_planned_for_and_shown(goal):
         assert page.settled.wait(PATIENCE)
         assert page.answer.verdict == "certified"
         assert "CERTIFIED" in page.shown.status.content
+
+
+def test_nothing_is_moved_while_another_task_takes_the_place_of_what_is_shown(page, monkeypatch):
+    answer, reset, failed, movers = settled(page), page.server.scene.reset, [], []
+
+    def move():
+        try:
+            page.playback._move()
+        except Exception as error:
+            failed.append(error)
+
+    def reset_while_moved():
+        reset()
+        movers.append(threading.Thread(target=move))
+        movers[0].start()
+        movers[0].join(0.2)  # it waits until the new scene is there
+
+    monkeypatch.setattr(page.server.scene, "reset", reset_while_moved)
+    page.open(Viewed("no arm", Situation(PlanningProblem(preset("fe185"), POINTS, TURN), UPRIGHT)))
+    settled(page, answer.number)
+    movers[0].join(PATIENCE)
+    assert not failed
+
+
+def test_what_is_as_small_as_a_grain_is_shown(page):
+    problem = PlanningProblem(
+        preset("fe185"), 0.01 * np.array(POINTS), RigidTransform.from_translation([5e-4, 0.0, 5e-4]),
+        (Capsule([0.003, 0.0, 0.002], [0.003, 0.0, 0.0021], 5e-5),), least_distance=1e-5,
+    )  # fmt: skip
+    number = page.answer.number
+    page.open(Viewed("endoscope", Situation(problem, UPRIGHT)))
+    assert settled(page, number).verdict == "certified"
 
 
 def test_one_servo_goes_on_at_a_time(page):

@@ -155,11 +155,12 @@ class Page:
         """Have another task, plan or problem in the place of what is shown."""
 
         def take_it() -> None:
-            self.server.scene.reset()
             if self._watched is not None and viewed.watched is not self._watched:
                 self._watched.close()
                 self.playback.follow(None)
-            self._take(viewed)
+            with self.playback.moving:
+                self.server.scene.reset()
+                self._take(viewed)
             self._watch_run()
 
         self._jobs.append(take_it)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import trimesh
 from scipy.spatial.transform import Rotation
 
 from omniservo.geometry.arrays import FloatArray
+from omniservo.simulation.body_meshes import capsule
 from omniservo.viewer.lit_triangles import lit_triangles
 
 Colour = tuple[int, int, int]
@@ -60,8 +60,7 @@ class PathRods:
     def _make(self, length: float) -> None:
         """Have rods of another length [m]."""
         self._length = length
-        shape: Any = trimesh.creation.capsule(length, self._radius, count=_SIDES)
-        shape.apply_translation([0.0, 0.0, -shape.bounds.mean(axis=0)[2]])
+        shape = capsule(self._radius, length, _SIDES)
         for colour, name in self._names.items():
             self._groups[colour] = self._scene.add_frame(name, show_axes=False, visible=False)
             file = lit_triangles([(shape, colour)], Rotation.identity())
