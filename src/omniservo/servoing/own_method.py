@@ -14,7 +14,7 @@ from omniservo.servoing.servo_method import ServoMethod
 
 
 class OwnMethod:
-    """Runs ``CLASS(gain).step(measurement)`` of a file; whatever it raises is a named stop.
+    """Runs ``CLASS(gain).step(measurement)`` of a file; whatever the step raises is a named stop.
 
     Args:
         source: ``FILE.py:CLASS``, whose code is run.
@@ -22,7 +22,7 @@ class OwnMethod:
         code: what the file holds; None: it is read.
 
     Raises:
-        InputError: no such class, or not one that is made from a gain and has ``step``.
+        InputError: no such class, or not one that can be made from a gain and has ``step``.
     """
 
     def __init__(self, source: str, gain: float, code: bytes | None = None) -> None:
@@ -31,7 +31,10 @@ class OwnMethod:
             inspect.signature(made).bind(gain)
         except TypeError as error:
             raise InputError(f"method: {source}: {error}; legal: CLASS(gain)") from None
-        method = made(gain)
+        try:
+            method = made(gain)
+        except _RAISED as error:
+            raise InputError(f"method: {source}: {_in_words(error)}") from error
         if not isinstance(method, ServoMethod):
             raise InputError(f"method: {source} has no step(measurement)")
         self._method, self._source = method, source
@@ -46,7 +49,15 @@ class OwnMethod:
             return self._method.step(seen)
         except ServoStop:
             raise
-        except Exception as error:
-            place = traceback.extract_tb(error.__traceback__)[-1]
-            where = f"{Path(place.filename).name}:{place.lineno}"
-            raise InvalidData(f"{self._source}: {where}: {type(error).__name__}: {error}") from error
+        except _RAISED as error:
+            raise InvalidData(f"{self._source}: {_in_words(error)}") from error
+
+
+_RAISED = (Exception, SystemExit)
+"""by a user's own code; Ctrl-C is not its own"""
+
+
+def _in_words(error: BaseException) -> str:
+    """Return where something was raised, and what."""
+    place = traceback.extract_tb(error.__traceback__)[-1]
+    return f"{Path(place.filename).name}:{place.lineno}: {type(error).__name__}: {error}"

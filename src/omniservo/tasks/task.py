@@ -23,6 +23,7 @@ from pydantic import (
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.geometry.arrays import FloatArray
+from omniservo.geometry.covariances import is_covariance
 from omniservo.planning import Workspace
 from omniservo.renamed import renamed_attribute
 from omniservo.replanning.frame_change import seen_workspace
@@ -105,8 +106,7 @@ class ArmMount(Section):
             return None
         if len(rows) != 6 or any(len(row) != 6 for row in rows):
             raise ValueError("six rows of six numbers are needed")
-        matrix = np.array(rows)
-        if not np.allclose(matrix, matrix.T) or np.linalg.eigvalsh(matrix)[0] < -1e-12 * abs(matrix).max():
+        if not is_covariance(np.array(rows)):
             raise ValueError("a symmetric matrix without negative eigenvalues is needed")
         return rows
 
