@@ -234,7 +234,7 @@ _FIELDS: dict[str, tuple[dict[str, Schema], dict[str, Schema]]] = {
         {**_MORE, "out": _OUT, "methods": said({"type": "object"}, "the metrics of each, by name")},
     ),
     "run-replay": (_REPLAYED, {}),
-    "run-replay-row": ({**_of_row(), "figure": _OUT}, {}),
+    "run-replay-row": ({**_of_row(), "figure": _OUT, "out": _OUT}, {}),
     "export": ({"out": _OUT, "repeated": FLAG, "bytes": COUNT}, {}),
     "verify": (
         {
