@@ -34,6 +34,10 @@ from omniservo.studies.study_scene import StudyScene
 from omniservo.studies.study_tally import MethodTally
 from omniservo.studies.trajectory import Trajectory
 
+_RATES = (
+    ("success", SEVEN[2]), ("collision", SEVEN[1]), ("joint_limit", SEVEN[3]), ("feature_lost", SEVEN[0]),
+    ("diverged", SEVEN[5]),
+)  # fmt: skip
 _SCATTERED = 400
 """Up to so many runs of a method each has a mark; of more, the share of successes in cells is drawn."""
 _A_CELL = 20
@@ -52,26 +56,29 @@ def study_drawings(tally: StudyTally) -> Iterator[Drawing]:
 
 
 def _rates(found: Sequence[MethodSummary]) -> Drawing:
-    figure, axes = new_axes(9.0, 1.6 + 0.5 * len(found))
-    middle = np.arange(len(found), dtype=np.float64)
-    kinds = (("success", "success", SEVEN[2]), ("collision", "collision", SEVEN[1]),
-             ("feature_lost", "feature lost", SEVEN[0]))  # fmt: skip
-    for k, (name, label, colour) in enumerate(kinds):
+    kinds = [(name, colour) for name, colour in _RATES if any(getattr(each, name).count for each in found)]
+    figure, axes = new_axes(9.0, 1.6 + 0.17 * len(kinds) * len(found))
+    middle, apart = np.arange(len(found), dtype=np.float64), 0.75 / max(len(kinds), 1)
+    for k, (name, colour) in enumerate(kinds):
         rates = [getattr(each, name) for each in found]
         known = [i for i, rate in enumerate(rates) if rate.of]
         share = np.array([100.0 * rates[i].share for i in known])
         ends = np.array([[100.0 * end for end in rates[i].interval] for i in known]).reshape(-1, 2)
-        place = middle[known] + 0.25 * (k - 1)
+        place = middle[known] + apart * (k - 0.5 * (len(kinds) - 1))
         off = np.abs(np.array([share - ends[:, 0], ends[:, 1] - share]))
-        axes.barh(place, share, 0.23, color=colour, alpha=0.75, label=label)
+        axes.barh(place, share, 0.9 * apart, color=colour, alpha=0.75, label=name.replace("_", " "))
         axes.errorbar(share, place, xerr=off, fmt="none", ecolor="#222222", elinewidth=1.1, capsize=2.5)
     axes.set_yticks(middle, [each.method for each in found])
     axes.invert_yaxis()
     axes.set_xlim(0.0, 100.0)
-    axes.set_xlabel("share of the runs [%]; collision: of those with an obstacle or an arm")
+    axes.set_xlabel("share of the runs [%]; collision: with an obstacle or an arm; joint limit: with an arm")
     axes.grid(axis="y", visible=False)
-    legend_below(figure, axes, 3)
-    caption = "Lines are 95% confidence intervals (Wilson). All methods met the same scenes."
+    if kinds:
+        legend_below(figure, axes, len(kinds))
+    caption = (
+        "Lines are 95% confidence intervals (Wilson). All methods met the same scenes; what never happened "
+        "is not drawn."
+    )
     return Drawing("study-rates", "By method", caption, figure)
 
 

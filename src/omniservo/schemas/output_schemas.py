@@ -28,7 +28,7 @@ from omniservo.schemas.shapes import (
     vector,
 )
 from omniservo.studies.study_row import StudyRow
-from omniservo.studies.study_summary import RATES
+from omniservo.studies.study_summary import MEDIANS, RATES
 
 _OUT = said(TEXT, "where it was written")
 _OR_NULL = nullable(NUMBER)
@@ -41,13 +41,15 @@ _FIT: dict[str, Schema] = {
 }
 _RATE = mapping({"count": COUNT, "of": COUNT, "share": _OR_NULL, "interval_95": vector(2, _OR_NULL)})
 _OF_ARM = mapping(dict.fromkeys(("success", "collision", "joint_limit"), _RATE))
+_COUNTS: Schema = {"type": "object", "additionalProperties": COUNT}
 _METHOD = mapping(
     {
         "method": TEXT,
         **dict.fromkeys(RATES, _RATE),
         "arms": {"type": "object", "additionalProperties": _OF_ARM},
-        "statuses": {"type": "object", "additionalProperties": COUNT},
-        **dict.fromkeys(("translation_m", "rotation_rad", "path_length_m", "seconds"), _OR_NULL),
+        **dict.fromkeys(("statuses", "stops"), _COUNTS),
+        **dict.fromkeys(MEDIANS, _OR_NULL),
+        "median_intervals_95": mapping(dict.fromkeys(MEDIANS, vector(2, _OR_NULL))),
     }
 )
 _ROWS = several(COUNT)
