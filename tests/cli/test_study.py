@@ -49,7 +49,12 @@ def test_shards_are_run_and_merged_by_commands(small, tmp_path, capsys):
     code, out, _ = call(capsys, "study", "compare", tmp_path / "all", tmp_path / "all")
     assert code == 0
     assert out.count("which may be none") == 3
-    assert call(capsys, "study", "compare", tmp_path / "all", tmp_path / "all", "--json")[0] == 0
+    given = ("study", "compare", tmp_path / "all", tmp_path / "all", "--out", tmp_path / "compared.html")
+    assert call(capsys, *given, "--json")[0] == 0
+    assert "the same study, row by row" in (tmp_path / "compared.html").read_text()
+    code, _, err = call(capsys, *given)
+    assert code == 2
+    assert "--force replaces it" in err
     code, _, err = call(capsys, "study", "merge", tmp_path / "1", "--out", tmp_path / "half")
     assert code == 2
     assert "in none of the folders" in err

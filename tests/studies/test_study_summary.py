@@ -1,8 +1,10 @@
 import math
 import statistics
 import sys
+from collections import Counter
 from dataclasses import replace
 
+import numpy as np
 import pyarrow.parquet as parquet
 import pytest
 from scipy.stats import binom, binomtest
@@ -10,8 +12,16 @@ from tests.studies.conftest import rows_of
 
 from omniservo.errors import InputError, NotWritten
 from omniservo.reporting.study_report import write_study_report
-from omniservo.studies import PACKAGE, Rate, StudyTally, compare_studies, read_header, write_rows
-from omniservo.studies.study_summary import Median
+from omniservo.studies import (
+    PACKAGE,
+    Rate,
+    RateDifference,
+    StudyTally,
+    compare_studies,
+    read_header,
+    write_rows,
+)
+from omniservo.studies.study_summary import RATES, Median
 
 
 def summarised(rows):
@@ -47,9 +57,12 @@ def test_collisions_are_counted_of_the_rows_with_an_obstacle(undisturbed):
 
 def test_two_equal_studies_do_not_differ(undisturbed):
     for found in compare_studies(rows_of(undisturbed), rows_of(undisturbed)):
-        low, high = found.interval
-        assert low <= 0.0 <= high
-        assert not found.differs
+        assert set(found.rates) == set(RATES)
+        for rate in found.rates.values():
+            low, high = rate.interval
+            assert low <= 0.0 <= high or not rate.before.of
+            assert not rate.differs
+        assert all(before == after for before, after in found.medians.values() if before.value == after.value)
         assert found.lost == found.won == ()
 
 
@@ -62,15 +75,39 @@ def test_rows_that_are_lost_and_won_are_named(undisturbed):
     )
     every = [replace(row, success=True) for row in before]
     none = [replace(row, success=False) for row in before]
-    assert all(found.differs and found.interval[1] < -0.5 for found in compare_studies(every, none))
+    changes = [found.success for found in compare_studies(every, none)]
+    assert all(change.differs and change.interval[1] < -0.5 for change in changes)
 
 
 def test_newcombe_s_example_has_his_interval():
     """Newcombe (1998), 56/70 and 48/80 by method 10: 0.0524 to 0.3339."""
-    from omniservo.studies import MethodDifference
-
-    found = MethodDifference("any", Rate(48, 80), Rate(56, 70), (), ())
+    found = RateDifference(Rate(48, 80), Rate(56, 70))
     assert found.interval == pytest.approx((0.0524, 0.3339), abs=5e-5)
+
+
+def test_the_interval_of_pairs_holds_the_difference_as_often_as_stated_and_is_half_as_wide():
+    """Rows of one study, most of which come out alike: samples taken as independent cover it always."""
+    random, n, chances = np.random.default_rng(3), 250, (0.7, 0.02, 0.08, 0.2)
+    held, widths = [], []
+    for counts in random.multinomial(n, chances, 400).tolist():
+        kinds = ((True, True), (True, False), (False, True), (False, False))
+        pairs = Counter(dict(zip(kinds, counts, strict=True)))
+        rates = Rate(counts[0] + counts[1], n), Rate(counts[0] + counts[2], n)
+        paired, apart = RateDifference.of(*rates, pairs), RateDifference(*rates)
+        held.append(paired.interval[0] <= 0.06 <= paired.interval[1])
+        widths.append([each.interval[1] - each.interval[0] for each in (paired, apart)])
+    assert 0.93 <= np.mean(held) <= 0.99
+    assert np.mean(widths, axis=0)[0] < 0.6 * np.mean(widths, axis=0)[1]
+
+
+def test_rates_of_other_rows_are_not_taken_for_pairs(undisturbed):
+    rows = rows_of(undisturbed)
+    before = [replace(row, success=row.row % 2 == 0) for row in rows]
+    other = [replace(row, study_hash="another") for row in before]
+    same, apart = (compare_studies(before, after)[0].success for after in (before, other))
+    assert same.correlation > 0.5
+    assert apart.correlation == 0.0
+    assert same.interval[1] < apart.interval[1]
 
 
 def test_studies_without_a_common_method_are_refused(undisturbed):

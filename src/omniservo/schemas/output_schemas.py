@@ -210,13 +210,18 @@ _DELAYED: dict[str, Schema] = {
     **dict.fromkeys(("actuation_lag_sigma_s", "residual_px"), _OR_NULL),
     "images": COUNT,
 }
+_CHANGED: dict[str, Schema] = {
+    **dict.fromkeys(("before", "after"), _RATE),
+    "difference": _OR_NULL,
+    "interval_95": vector(2, _OR_NULL),
+    "differs": FLAG,
+}
 _COMPARED = mapping(
     {
         "method": TEXT,
-        **dict.fromkeys(("before", "after"), _RATE),
-        "difference": _OR_NULL,
-        "interval_95": vector(2, _OR_NULL),
-        "differs": FLAG,
+        **_CHANGED,
+        "rates": mapping({name: mapping(_CHANGED) for name in RATES if name != "success"}),
+        "medians": mapping(dict.fromkeys(MEDIANS, vector(2, _OR_NULL))),
         **dict.fromkeys(("lost", "won"), _ROWS),
     }
 )

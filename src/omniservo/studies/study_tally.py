@@ -55,15 +55,8 @@ class MethodTally:
         self.statuses[row.status] += 1
         if row.status == "stopped":
             self.stops[row.reason.partition(":")[0]] += 1
-        has = {
-            "rows": True,
-            "success": row.success,
-            "feature_lost": row.feature_lost,
-            "diverged": row.diverged,
-            "collision": row.collision,
-            "joint_limit": row.joint_limit,
-            _COLLIDES: row.obstacles > 0 or row.arm != NO_ARM,
-        }
+        rates = rates_of(row)
+        has = {**rates, "rows": True, _COLLIDES: "collision" in rates}
         self.counts.setdefault(row.arm, Counter()).update(name for name, holds in has.items() if holds)
         if row.start_rotation_rad is not None and row.start_distance_ratio is not None:
             self.turned.append(row.start_rotation_rad)
@@ -105,6 +98,16 @@ def _rates_of(arm: str, counts: Counter[str]) -> ArmRates:
         collision=Rate(counts["collision"], counts[_COLLIDES]),
         joint_limit=Rate(counts["joint_limit"], 0 if arm == NO_ARM else of),
     )
+
+
+def rates_of(row: StudyRow) -> dict[str, bool]:
+    """Return the rates that a row is counted in, by the names of `RATES`, and whether it holds there."""
+    rates = {"success": row.success, "feature_lost": row.feature_lost, "diverged": row.diverged}
+    if row.obstacles > 0 or row.arm != NO_ARM:
+        rates["collision"] = row.collision
+    if row.arm != NO_ARM:
+        rates["joint_limit"] = row.joint_limit
+    return rates
 
 
 def badness(row: StudyRow) -> tuple[int, float, int]:
