@@ -34,7 +34,7 @@ def python_class(name: str, what: str, code: bytes | None = None) -> Callable[..
     try:
         code_object = compile(content, path, "exec", dont_inherit=True)  # without this file's __future__
         exec(code_object, vars(module))  # noqa: S102 — the user named the file to run it
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         line = error.lineno if isinstance(error, SyntaxError) else extract_tb(error.__traceback__)[-1].lineno
         raise InputError(f"{what}: {path}: line {line}: {type(error).__name__}: {error}") from error
     found: Callable[..., Any] | None = getattr(module, class_name, None)

@@ -6,7 +6,9 @@ import inspect
 import traceback
 from pathlib import Path
 
-from omniservo.errors import InputError, InvalidData, ServoStop
+import numpy as np
+
+from omniservo.errors import InputError, InvalidData, NotFinite, ServoStop, spelled
 from omniservo.files import python_class
 from omniservo.geometry.arrays import FloatArray
 from omniservo.servoing.servo_measurement import ServoMeasurement
@@ -31,8 +33,11 @@ class OwnMethod:
             inspect.signature(made).bind(gain)
         except TypeError as error:
             raise InputError(f"method: {source}: {error}; legal: CLASS(gain)") from None
-        method = made(gain)
-        if not isinstance(method, ServoMethod):
+        try:
+            method = made(gain)
+        except (Exception, SystemExit) as error:
+            raise InputError(f"method: {_said(source, error)}") from error
+        if not isinstance(method, ServoMethod) or not callable(method.step):
             raise InputError(f"method: {source} has no step(measurement)")
         self._method, self._source = method, source
 
@@ -40,13 +45,24 @@ class OwnMethod:
         """Return the method's own twist (6,).
 
         Raises:
-            ServoStop: as the method raises it; `InvalidData` for anything else.
+            ServoStop: as the method raises it; `NotFinite` where its twist is not six numbers, `InvalidData`
+                for anything else.
         """
         try:
-            return self._method.step(seen)
+            given = self._method.step(seen)
+            twist = np.asarray(given) if np.iterable(given) else np.empty(0)
         except ServoStop:
             raise
-        except Exception as error:
-            place = traceback.extract_tb(error.__traceback__)[-1]
-            where = f"{Path(place.filename).name}:{place.lineno}"
-            raise InvalidData(f"{self._source}: {where}: {type(error).__name__}: {error}") from error
+        except (Exception, SystemExit) as error:
+            raise InvalidData(_said(self._source, error)) from error
+        if twist.shape != (6,) or twist.dtype.kind not in "fiu":
+            raise NotFinite(
+                f"{self._source}: gives the twist {spelled(given)}; six finite numbers are needed"
+            )
+        return twist.astype(np.float64)
+
+
+def _said(source: str, error: BaseException) -> str:
+    """Return what the user's code raised, and where."""
+    place = traceback.extract_tb(error.__traceback__)[-1]
+    return f"{source}: {Path(place.filename).name}:{place.lineno}: {type(error).__name__}: {error}"

@@ -76,6 +76,8 @@ def estimate_of_scene(study: Study, scene: StudyScene, camera: StudyCamera) -> E
     length = float(np.linalg.norm(scene.initial_T_goal.translation)) * (1.0 + scene.conditions.depth)
     if len(matched) < TrackerOptions().least_features:
         return f"{len(matched)} points are found in both images"
+    if length <= 0.0:
+        return f"the distance of the two views is stated as {length:.3g} m"
     pixels = initial.pixels[matched], goal.pixels[matched]
     estimate = estimate_two_view(scene.camera, *pixels, scale=length, scale_sigma=study.servo.depth_sigma)
     pose = estimate.initial_T_goal
