@@ -80,7 +80,7 @@ def _table(found: Sequence[MethodSummary]) -> Markup:
 
 
 def _rate(rate: Rate) -> Markup:
-    return _parted(percent_with_interval(rate), f"{rate.count} of {rate.of}")
+    return _parted(percent_with_interval(rate), *([f"{rate.count} of {rate.of}"] if rate.of else []))
 
 
 def _parted(words: str, *more: str) -> Markup:
