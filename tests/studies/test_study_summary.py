@@ -112,7 +112,7 @@ def test_rates_of_other_rows_are_not_taken_for_pairs(undisturbed):
 
 def test_studies_without_a_common_method_are_refused(undisturbed):
     rows = rows_of(undisturbed)
-    with pytest.raises(InputError, match="no method in common"):
+    with pytest.raises(InputError, match="no method in common that has rows with a scene: cert.* and other"):
         compare_studies(rows, [replace(row, method="other") for row in rows])
 
 
@@ -217,6 +217,21 @@ def test_a_report_of_another_version_s_rows_draws_none_of_them_and_says_so(undis
     report = (tmp_path / "report.html").read_text()
     assert f"Not drawn: the rows were run by 0.1.0+00000000, and this is {PACKAGE.version}." in report
     assert "Two of each method" not in report
+
+
+def test_a_study_without_a_scene_or_with_one_start_alone_has_its_report(undisturbed, tmp_path):
+    header, rows = read_header(undisturbed), rows_of(undisturbed)
+    old = replace(header, version="0.1.0+00000000")
+    none = StudyTally(replace(row, status="no_scene", success=False) for row in rows)
+    write_study_report(old, none, tmp_path / "none.html", PACKAGE)
+    report = (tmp_path / "none.html").read_text()
+    assert "54 rows had no scene" in report
+    assert "<figure" not in report
+    alike = [replace(row, success=False, start_rotation_rad=0.5, start_distance_ratio=1.0) for row in rows]
+    write_study_report(old, StudyTally(alike * 30), tmp_path / "one.html", PACKAGE)
+    report = (tmp_path / "one.html").read_text()
+    assert report.count("<figure") == 2
+    assert "grey: no start is there" in report
 
 
 def test_a_table_that_cannot_be_written_leaves_the_one_before(undisturbed, tmp_path):

@@ -45,10 +45,14 @@ _A_CELL = 20
 _MOST_CELLS = 12
 _SHARES, _NO_START = "viridis", "#d9d9d9"
 _MOST_COLUMNS = 4
+_PANEL, _LEAST_WIDTH, _TALLEST = 2.9, 8.0, 4.0
+"""[inch] least widths of a method's map and of a line of them, and what a map's height goes by at most"""
 
 
 def study_drawings(tally: StudyTally) -> Iterator[Drawing]:
-    """Yield the figures of a study."""
+    """Yield the figures of a study; none where no row has a scene."""
+    if tally.rows == tally.without:
+        return
     with styled():
         yield _rates(tally.summaries())
     with styled():
@@ -56,9 +60,13 @@ def study_drawings(tally: StudyTally) -> Iterator[Drawing]:
 
 
 def _rates(found: Sequence[MethodSummary]) -> Drawing:
-    kinds = [(name, colour) for name, colour in _RATES if any(getattr(each, name).count for each in found)]
+    kinds = [
+        (name, colour)
+        for name, colour in _RATES
+        if name == "success" or any(getattr(each, name).count for each in found)
+    ]
     figure, axes = new_axes(9.0, 1.6 + 0.17 * len(kinds) * len(found))
-    middle, apart = np.arange(len(found), dtype=np.float64), 0.75 / max(len(kinds), 1)
+    middle, apart = np.arange(len(found), dtype=np.float64), 0.75 / len(kinds)
     for k, (name, colour) in enumerate(kinds):
         rates = [getattr(each, name) for each in found]
         known = [i for i, rate in enumerate(rates) if rate.of]
@@ -73,11 +81,10 @@ def _rates(found: Sequence[MethodSummary]) -> Drawing:
     axes.set_xlim(0.0, 100.0)
     axes.set_xlabel("share of the runs [%]; collision: with an obstacle or an arm; joint limit: with an arm")
     axes.grid(axis="y", visible=False)
-    if kinds:
-        legend_below(figure, axes, len(kinds))
+    legend_below(figure, axes, len(kinds))
     caption = (
-        "Lines are 95% confidence intervals (Wilson). All methods met the same scenes; what never happened "
-        "is not drawn."
+        "Lines are 95% confidence intervals (Wilson). All methods met the same scenes; what never "
+        "happened is not drawn."
     )
     return Drawing("study-rates", "By method", caption, figure)
 
@@ -86,7 +93,8 @@ def _regions(found: Mapping[str, MethodTally]) -> Drawing:
     count = len(found)
     columns = count if count <= _MOST_COLUMNS else min(3, _MOST_COLUMNS, key=lambda k: -count % k)
     lines = -(-len(found) // columns)
-    figure = new_figure(2.9 * columns + 0.6, 2.5 * lines + 0.7)
+    width = max(_PANEL, _LEAST_WIDTH / columns)
+    figure = new_figure(width * columns + 0.6, 0.86 * min(width, _TALLEST) * lines + 0.7)
     grid = figure.subplots(lines, columns, squeeze=False, sharex=True, sharey=True)
     for axes in grid.flat[len(found) :]:
         axes.set_visible(False)
@@ -122,13 +130,19 @@ def _region(axes: Axes, turned: Any, ratio: Any, good: Any, scattered: bool) -> 
         return
     across = min(max(int(math.sqrt(1.5 * len(turned) / _A_CELL)), 3), _MOST_CELLS)
     cells = across, round(across / 1.5)
-    edges = [turned.min(), turned.max()], [ratio.min() - 1e-9, ratio.max() + 1e-9]
+    edges = _ends(turned, 1.0), _ends(ratio, 0.1)
     both, x, y = np.histogram2d(turned, ratio, bins=cells, range=edges)
     reached, _, _ = np.histogram2d(turned[good], ratio[good], bins=cells, range=edges)
     share = np.where(both > 0, reached / np.maximum(both, 1), np.nan)
     axes.pcolormesh(x, y, share.T, vmin=0.0, vmax=1.0, cmap=_SHARES)
     axes.set_facecolor(_NO_START)
     axes.grid(visible=False)
+
+
+def _ends(values: Any, least: float) -> tuple[float, float]:
+    """Return the range of values, so wide at least."""
+    room = max(0.5 * (least - np.ptp(values)), 0.0)
+    return float(values.min()) - room, float(values.max()) + room
 
 
 def draw_row(result: RowResult) -> Drawing:

@@ -40,10 +40,7 @@ def study_html(header: StudyHeader, tally: StudyTally, program: Program) -> str:
         banner(f"Study {study.name}", summary),
         part("By method", _table(found), tag("p", _limits(header, tally.without), class_="quiet")),
         *_with_arms(found),
-        part(
-            "Figures",
-            tag("div", *(framed(drawing, "wide") for drawing in study_drawings(tally)), class_="figures"),
-        ),
+        *_figures(tally),
         part("How runs ended", *_endings(found)),
     ]
     worst = tally.worst(_WORST)
@@ -59,6 +56,11 @@ def study_html(header: StudyHeader, tally: StudyTally, program: Program) -> str:
         body.append(part("The worst", tag("p", words), tag("div", *figures, class_="figures")))
     body.append(part("What it was run with", _run_with(header)))
     return page(f"study {study.name}", body)
+
+
+def _figures(tally: StudyTally) -> list[Markup]:
+    drawn = [framed(drawing, "wide") for drawing in study_drawings(tally)]
+    return [part("Figures", tag("div", *drawn, class_="figures"))] if drawn else []
 
 
 def _table(found: Sequence[MethodSummary]) -> Markup:

@@ -135,7 +135,10 @@ def compare_studies(before: Iterable[StudyRow], after: Iterable[StudyRow]) -> li
     found = [{each.method: each for each in tally.summaries()} for tally in (first, second)]
     common = [name for name in found[0] if name in found[1] and all(each[name].success.of for each in found)]
     if not common:
-        raise InputError(f"no method in common: {', '.join(found[0])} and {', '.join(found[1])}")
+        named = " and ".join(
+            ", ".join(name for name, e in each.items() if e.success.of) or "none" for each in found
+        )
+        raise InputError(f"no method in common that has rows with a scene: {named}")
     return [
         _difference(found[0][name], found[1][name], pairs, (tuple(lost[name]), tuple(won[name])))
         for name in common
