@@ -75,3 +75,14 @@ def test_a_file_that_ends_the_process_is_refused(tmp_path):
     path.write_text("class Mine:\n step = 5\n def __init__(self, gain): pass\n")
     with pytest.raises(InputError, match="has no step"):
         OwnMethod(f"{path}:Mine", 1.0)
+
+
+def test_what_a_method_prints_is_not_on_standard_output(tmp_path, capsys):
+    path = tmp_path / "loud.py"
+    path.write_text(
+        "print('imported')\n" + STEP.format(step="print('step'); return [0] * 6", init="print('made')")
+    )
+    OwnMethod(f"{path}:Mine", 1.0).step(SEEN)
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err.split() == ["imported", "made", "step"]

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from omniservo.errors import InputError, InvalidData, NotFinite, ServoStop, spelled
-from omniservo.files import python_class
+from omniservo.files import python_class, words_aside
 from omniservo.geometry.arrays import FloatArray
 from omniservo.servoing.servo_measurement import ServoMeasurement
 from omniservo.servoing.servo_method import ServoMethod
@@ -34,7 +34,8 @@ class OwnMethod:
         except TypeError as error:
             raise InputError(f"method: {source}: {error}; legal: CLASS(gain)") from None
         try:
-            method = made(gain)
+            with words_aside():
+                method = made(gain)
         except (Exception, SystemExit) as error:
             raise InputError(f"method: {_said(source, error)}") from error
         if not isinstance(method, ServoMethod) or not callable(method.step):
@@ -49,7 +50,8 @@ class OwnMethod:
                 for anything else.
         """
         try:
-            given = self._method.step(seen)
+            with words_aside():
+                given = self._method.step(seen)
             twist = np.asarray(given) if np.iterable(given) else np.empty(0)
         except ServoStop:
             raise
