@@ -105,6 +105,7 @@ def test_rows_are_scenes_times_cameras_times_methods(study):
         ),
         ({"limits": "{translation: 0}"}, "limits.translation: "),
         ({"servo": "{gain: .inf}"}, "servo.gain: "),
+        ({"servo": "{visibility_margin: 216}"}, "servo.visibility_margin: 216 .* less than 216, .* of fe185"),
     ],
 )
 def test_what_is_wrong_in_a_study_is_named(tmp_path, fields, message):
