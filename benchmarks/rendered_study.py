@@ -2,7 +2,7 @@
 
 Run: ``python -m benchmarks.rendered_study [SCENES] [--method NAME]``. Scenes of the public benchmark's
 perspective camera, nearer, with 12 points. Beside a run on projected points with 0.1 px of noise, each
-scene is run on images: every one is drawn by `ModelRenderer` (dark balls of 8 mm at the points, grey ones
+scene is run on images: every one is drawn by `StudyRenderer` (dark balls of 8 mm at the points, grey ones
 for obstacles, light walls), with 1.5 grey levels of noise, and its dots are found by `find_dots`. Which dot
 is which point is known, as with tags: the one nearest to the true place, within 6 px. Dots that overlap, or
 that a ball covers in part, are lost or off. 10 images a second in both. The two agree where the rate on
@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import argparse
 
-import mujoco
 import numpy as np
 from benchmarks.scene_runs import Run, run_method_on
 from benchmarks.tables import print_table
@@ -22,18 +21,12 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from omniservo.cameras import preset
 from omniservo.geometry.arrays import FloatArray
 from omniservo.perception import find_dots
-from omniservo.simulation import ModelRenderer
+from omniservo.simulation import StudyRenderer
 from omniservo.studies import Rate, Study, load_study
 from omniservo.studies.study_camera import StudyCamera, StudyImage
 from omniservo.studies.study_scene import NoScene, StudyScene, draw_scene
 
-CAMERA, BALL, GREY_NOISE, NEAR_PX = "perspective", 0.008, 1.5, 6.0
-_WALLS = "".join(
-    f'<geom type="box" pos="{" ".join(str(4.0 * s * (k == i)) for i in range(3))}" '
-    f'size="{" ".join("0.1" if k == i else "4.2" for i in range(3))}" rgba="0.9 0.9 0.9 1"/>'
-    for k in range(3)
-    for s in (-1, 1)
-)
+CAMERA, GREY_NOISE, NEAR_PX = "perspective", 1.5, 6.0
 
 
 class RenderedCamera(StudyCamera):
@@ -41,16 +34,13 @@ class RenderedCamera(StudyCamera):
 
     def __init__(self, scene: StudyScene, random: np.random.Generator) -> None:
         super().__init__(scene, random)
-        self._model = mujoco.MjModel.from_xml_string(_model_of(scene))
-        self._data = mujoco.MjData(self._model)
-        mujoco.mj_forward(self._model, self._data)
-        self._renderer = ModelRenderer(self._model, scene.camera)
+        self._renderer = StudyRenderer(scene)
 
     def take(self, rotation: FloatArray, centre: FloatArray) -> StudyImage:
         """Return what is found in the image from a pose."""
         scene = self._scene
         pose = RigidTransform.from_components(centre, Rotation.from_matrix(rotation))
-        drawn = self._renderer.render(self._data, pose).image.astype(np.float64).mean(axis=2)
+        drawn = self._renderer.render(pose).astype(np.float64).mean(axis=2)
         noisy = drawn + GREY_NOISE * self._random.standard_normal(drawn.shape)
         dots = find_dots(np.clip(np.rint(noisy), 0, 255).astype(np.uint8)).pixels
         true, in_view = scene.shown((scene.points - centre) @ rotation)
@@ -63,17 +53,6 @@ class RenderedCamera(StudyCamera):
             found = in_view & alone & (apart.min(axis=1) < NEAR_PX)
             pixels[found] = dots[nearest[found]]
         return StudyImage(pixels, found, in_view)
-
-
-def _model_of(scene: StudyScene) -> str:
-    def ball(place: FloatArray, radius: float, grey: float) -> str:
-        at = " ".join(f"{x:.9f}" for x in place)
-        return f'<geom type="sphere" pos="{at}" size="{radius:.6f}" rgba="{grey} {grey} {grey} 1"/>'
-
-    points = "".join(ball(point, BALL, 0.02) for point in scene.points)
-    others = "".join(ball(each.center, each.radius, 0.75) for each in scene.obstacles)
-    lights = '<headlight ambient="0.9 0.9 0.9" diffuse="0.1 0.1 0.1" specular="0 0 0"/>'
-    return f"<mujoco><visual>{lights}</visual><worldbody>{_WALLS}{points}{others}</worldbody></mujoco>"
 
 
 def study_for(method: str) -> Study:

@@ -39,7 +39,7 @@ def main() -> None:
         tally.add(run_row(study, row, program).row)
     for each in tally.summaries():
         good, hit = each.success, each.collision.count
-        ended = f"{good.count} of {good.of} reach the goal, after {each.seconds:.1f} s; {hit} collide"
+        ended = f"{good.count} of {good.of} reach the goal, after {each.seconds.value:.1f} s; {hit} collide"
         print(f"{each.method}: {ended}")
 
 

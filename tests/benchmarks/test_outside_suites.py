@@ -2,14 +2,17 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import RigidTransform
 
 pytest.importorskip("benchmarks.comparisons", reason="benchmarks/ is not part of this copy")
 
+from benchmarks.comparisons.machine_vision import compare as machine_vision
 from benchmarks.comparisons.mrcal import compare as mrcal
 from benchmarks.comparisons.opengv import past_90
 from benchmarks.comparisons.visp import april_tags
 
 from omniservo import preset
+from omniservo.servoing import servo_method
 
 
 @pytest.fixture(scope="module")
@@ -92,3 +95,19 @@ def test_mrcal_projects_as_ours_does(monkeypatch):
     camera, numbers = chosen["OPENCV8"]
     monkeypatch.setattr(mrcal, "LENSES", {"OPENCV8": (camera, (numbers[0] * 1.001, *numbers[1:]))})
     assert float(next(mrcal.projection_rows()).split("|")[3]) > 0.01
+
+
+def test_a_run_of_our_own_law_differs_by_nothing_and_one_of_another_does(monkeypatch, tmp_path):
+    random = np.random.default_rng(1)
+    points, goal = machine_vision.scene(random)
+    start = machine_vision.drawn_start(points, (5, 60), random)
+    law, poses, twists = servo_method("ibvs", machine_vision.GAIN), [start], []
+    for _ in range(5):
+        twists.append(law.step(machine_vision.measured(points, goal, poses[-1])))
+        turn_first = np.concatenate((twists[-1][3:], twists[-1][:3]))
+        poses.append(poses[-1] * RigidTransform.from_exp_coords(turn_first))
+    run = {"law": "IBVS", "poses": [pose.as_matrix() for pose in poses], "twists": twists}
+    assert machine_vision.apart(points, goal, run) < 1e-12
+    assert machine_vision.apart(points, goal, {**run, "law": "PBVS"}) > 1e-2
+    monkeypatch.setattr(machine_vision, "PYTHON", tmp_path / "python")
+    assert "is missing" in next(machine_vision.lines())

@@ -49,7 +49,12 @@ def test_shards_are_run_and_merged_by_commands(small, tmp_path, capsys):
     code, out, _ = call(capsys, "study", "compare", tmp_path / "all", tmp_path / "all")
     assert code == 0
     assert out.count("which may be none") == 3
-    assert call(capsys, "study", "compare", tmp_path / "all", tmp_path / "all", "--json")[0] == 0
+    given = ("study", "compare", tmp_path / "all", tmp_path / "all", "--out", tmp_path / "compared.html")
+    assert call(capsys, *given, "--json")[0] == 0
+    assert "the same study, row by row" in (tmp_path / "compared.html").read_text()
+    code, _, err = call(capsys, *given)
+    assert code == 2
+    assert "--force replaces it" in err
     code, _, err = call(capsys, "study", "merge", tmp_path / "1", "--out", tmp_path / "half")
     assert code == 2
     assert "in none of the folders" in err
@@ -67,15 +72,36 @@ def test_without_pyarrow_rows_are_csv_and_a_line_says_how_to_get_parquet(
     assert len(lines) == 1 + 12
 
 
-def test_a_row_is_replayed_alone_and_drawn(small, undisturbed, tmp_path, capsys, monkeypatch):  # noqa: F811
+def test_a_row_is_replayed_alone_with_images_report_and_plan(
+    small,
+    undisturbed,  # noqa: F811
+    tmp_path,
+    capsys,
+    monkeypatch,
+):
     monkeypatch.chdir(tmp_path)
-    code, out, _ = call(capsys, "run", "--replay", f"{undisturbed}:4", "--json")
+    number = next(row.row for row in rows_of(undisturbed) if row.certified)
+    code, out, _ = call(capsys, "run", "--replay", f"{undisturbed}:{number}", "--json")
     found = json.loads(out)
-    figure = found.pop("figure")
+    figure, folder = Path(found.pop("figure")), Path(found.pop("out"))
     del found["format"]
     assert code == 0
-    assert found == vars(rows_of(undisturbed)[4])
-    assert (tmp_path / figure).read_bytes()[:4] == b"\x89PNG"
+    assert found == vars(rows_of(undisturbed)[number]) == json.loads((folder / "row.json").read_text())
+    assert figure.parent == folder == Path("runs") / f"short-row-{number}"
+    pictures = ("initial.png", "goal.png", "final.png")
+    for name in (figure.name, *pictures):
+        assert (folder / name).read_bytes()[:4] == b"\x89PNG"
+    assert len({(folder / name).read_bytes() for name in pictures}) == 3
+    assert (folder / "report.html").read_text().count("<figure") == 3
+    assert call(capsys, "verify", folder / "plan.json")[0] == 0
+    reactive = next(row.row for row in rows_of(undisturbed) if row.method == "ibvs")
+    given = ("run", "--replay", f"{undisturbed}:{reactive}", "--out", tmp_path / "mine")
+    assert call(capsys, *given)[0] == 0
+    assert not (tmp_path / "mine" / "plan.json").exists()
+    code, _, err = call(capsys, *given)
+    assert code == 2
+    assert "--force replaces it" in err
+    assert call(capsys, *given, "--force")[0] == 0
     code, _, err = call(capsys, "run", "--replay", f"{small}:12")
     assert code == 2
     assert "has rows 0 to 11" in err
@@ -104,7 +130,8 @@ def test_a_method_from_a_file_is_run_beside_the_others_and_its_code_is_not_kept(
     code, out, _ = call(capsys, "run", "--replay", row, "--method", f"{own}:TurnFirst", "--json")
     found = json.loads(out)
     assert found.pop("format") == "omniservo.run-replay-row-output/1"
-    (tmp_path / found.pop("figure")).unlink()
+    assert (tmp_path / found.pop("figure")).exists()
+    assert (tmp_path / found.pop("out") / "report.html").exists()
     assert code == 0
     assert found == vars(rows_of(tmp_path / "rows")[1])
     code, _, err = call(capsys, "run", "--replay", row, "--method", f"{own}:TurnFirst", "--seed", 1)

@@ -19,7 +19,7 @@ from omniservo.studies import (
     write_rows,
 )
 from omniservo.studies.study_folder import HEADER
-from omniservo.studies.study_parts import part_count, part_file, rows_of_part
+from omniservo.studies.study_parts import part_count, part_file, rows_of_part, write_part
 
 
 def copied(folder, target):
@@ -73,7 +73,9 @@ def test_rows_of_two_workers_that_are_killed_and_resumed_are_those_of_one_proces
             for process in killed:
                 process.kill()
 
-    with pytest.raises(NoSolutionError, match="a worker process was killed"):
+    with pytest.raises(
+        NoSolutionError, match=r"a worker process was killed while rows \d+ to \d+.* were run"
+    ):
         run_study(study, tmp_path / "rows", workers=2, progress=kill_all)
     there = len(list((tmp_path / "rows" / "parts").glob("0*")))
     assert killed
@@ -129,6 +131,10 @@ def test_a_missing_part_is_named(undisturbed, tmp_path):
         lambda path: digested(path, lambda lines: ["[]\n", *lines[1:]]),
         lambda path: digested(path, lambda lines: [lines[0], "[" * 10_000, "\n"]),
         lambda path: digested(path, lambda lines: [line.replace(": false", ": 0") for line in lines]),
+        lambda path: digested(path, lambda lines: [line.replace('"pbvs"', '"other"') for line in lines]),
+        lambda path: digested(
+            path, lambda lines: [lines[0], *(s.replace('"seed": 7', '"seed": 8') for s in lines[1:])]
+        ),
         lambda path: digested(path, lambda lines: [line.replace('"least_gap_m"', '"gap"') for line in lines]),
     ],
 )
@@ -203,6 +209,28 @@ def test_a_folder_in_use_and_a_folder_of_something_else_are_refused(study, tmp_p
     (tmp_path / "full" / "letter.txt").write_text("mine")
     with pytest.raises(InputError, match="is not a study's folder"):
         run_study(study, tmp_path / "full", workers=1)
+
+
+@pytest.mark.parametrize("machines", ["5", '["x"]', '[{"cpu": []}]', '[{"cpu": 5}]'])
+def test_a_header_s_machines_that_are_none_are_refused(undisturbed, tmp_path, machines):
+    folder = copied(undisturbed, tmp_path / "rows")
+    header = json.loads((folder / HEADER).read_text())
+    (folder / HEADER).write_text(json.dumps({**header, "machines": json.loads(machines)}))
+    with pytest.raises(InputError, match=r"study.json: version and machines are needed"):
+        merged([folder], tmp_path / "all")
+
+
+@pytest.mark.parametrize("number", [1, 38, 95])  # EPERM, ENOSYS, ENOTSUP
+def test_parts_are_written_where_the_disk_has_no_links(study, undisturbed, tmp_path, monkeypatch, number):
+    def refused(*given):
+        raise OSError(number, "no links here")
+
+    part = part_file(undisturbed, 0).read_bytes()
+    monkeypatch.setattr("omniservo.studies.study_parts.os.link", refused)
+    (tmp_path / "parts").mkdir()
+    write_part(tmp_path, 0, part)
+    assert part_file(tmp_path, 0).read_bytes() == part
+    assert len(list((tmp_path / "parts").iterdir())) == 1
 
 
 def test_a_full_disk_is_named_and_leaves_no_part(study, tmp_path, monkeypatch):

@@ -91,8 +91,21 @@ def test_rows_are_scenes_times_cameras_times_methods(study):
         ({"images": "{rate: 0}"}, "images.rate: "),
         ({"obstacles": "{count: {choice: []}}"}, "obstacles.count: "),
         ({"errors": "{focal: yes}"}, "errors.focal: "),
+        ({"errors": "{focal: {uniform: [-1.0e308, 1.0e308]}}"}, "errors.focal: uniform: numbers within"),
+        (
+            {"images": "{noise: {log_uniform: [1.0e-300, 1.0e8]}}"},
+            "images.noise: log_uniform: legal: MOST at",
+        ),
+        ({"images": f"{{noise: 1{'0' * 400}}}"}, "images.noise: legal: a number.*numbers within"),
+        ({"cameras": '{"a\\n\\e[31m": fe185}'}, r"cameras: name 'a.*legal: 1 to 200 characters that are"),
+        ({"cameras": '{"": fe185}'}, r"cameras: name ''; legal: 1 to 200"),
+        (
+            {"arms": '{choice: ["x\\t"], mounts: {"x\\t": {model: ur5e, flange_T_camera: {}}}}'},
+            r"arms: .*name 'x.*legal: 1 to 200",
+        ),
         ({"limits": "{translation: 0}"}, "limits.translation: "),
         ({"servo": "{gain: .inf}"}, "servo.gain: "),
+        ({"servo": "{visibility_margin: 216}"}, "servo.visibility_margin: 216 .* less than 216, .* of fe185"),
     ],
 )
 def test_what_is_wrong_in_a_study_is_named(tmp_path, fields, message):

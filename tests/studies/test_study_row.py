@@ -92,6 +92,47 @@ def test_a_crash_is_a_row_with_its_error(study, monkeypatch):
     assert (row.row, row.method, row.success, row.counts) == (4, "ibvs", False, True)
 
 
+def test_an_exit_of_a_method_and_a_number_that_is_none_are_rows_too(study, monkeypatch):
+    def leaves(*given):
+        raise SystemExit(3)
+
+    def no_number(study, scene, row, trajectory):
+        return replace(row, final_translation_error_m=math.nan)
+
+    with monkeypatch.context() as planted:
+        planted.setattr("omniservo.studies.study_row.controller_of_scene", leaves)
+        assert run_row(study, 4).row.reason.startswith("SystemExit: 3 (")
+    monkeypatch.setattr("omniservo.studies.study_row.scored", no_number)
+    row = run_row(study, 4).row
+    assert row.reason.startswith("ValueError: final_translation_error_m is nan (")
+    assert (row.status, row.final_translation_error_m, row.success) == ("error", None, False)
+
+
+def test_a_reason_is_of_one_line_that_every_table_holds(study, monkeypatch):
+    def broken(*given):
+        raise ValueError("a\nb\x1b[31m\ud800" + "x" * 10_000)
+
+    monkeypatch.setattr("omniservo.studies.study_row.controller_of_scene", broken)
+    reason = run_row(study, 4).row.reason
+    assert reason.isprintable()
+    assert len(reason) <= 500
+    assert reason.encode().decode() == reason
+
+
+def test_another_seed_has_another_field_of_the_camera_model_s_error(tmp_path):
+    pixels = np.array([[100.0, 100.0], [300.0, 200.0]])
+    fields = []
+    for seed in (1, 2):
+        study = load_study(written(tmp_path, seed=seed, errors="{model: 1.0}"))
+        fields.append(draw_scene(study, 0, study.cameras["fe185"]).lens.at(pixels))
+    assert np.abs(fields[0] - fields[1]).max() > 0.1
+
+
+def test_a_distance_stated_as_none_is_no_estimate(tmp_path):
+    row = run_row(load_study(written(tmp_path, errors="{depth: -1}")), 1).row
+    assert (row.status, row.reason) == ("not_estimated", "the distance of the two views is stated as 0 m")
+
+
 def test_a_hidden_point_is_behind_a_ball_and_not_before_it(scene):
     centre, point = np.zeros(3), scene.points[0]
     between = replace(scene, obstacles=(Sphere(0.5 * point, 0.01),))

@@ -169,7 +169,13 @@ class _TimeLeft(ProgressColumn):
 
 def _left(ends: float | None) -> str:
     """Say how long it takes until then; nothing where that is not known."""
-    return "" if ends is None else f"about {max(ends - perf_counter(), 0.0):.0f} s left"
+    if ends is None:
+        return ""
+    seconds = round(max(ends - perf_counter(), 0.0))
+    hours, minutes = seconds // 3600, seconds % 3600 // 60
+    if hours:
+        return f"about {hours} h {minutes} min left"
+    return f"about {minutes} min left" if minutes >= 10 else f"about {seconds} s left"
 
 
 def _bar() -> Bar:

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from omniservo.cli.output import Output
-from omniservo.errors import InputError
-from omniservo.files import write_whole
+from omniservo.errors import AlreadyExists, InputError
+from omniservo.files import exists, unused, whole_folder
 from omniservo.run_methods import METHODS
 from omniservo.shipped_studies import study_file
 
@@ -20,12 +20,14 @@ def is_row(given: Path) -> bool:
     return _ROW.fullmatch(str(given)) is not None and not given.exists()
 
 
-def replay_row(given: Path, own: Sequence[str], output: Output) -> None:
-    """Run a study's row again, print it, and draw it beside.
+def replay_row(given: Path, own: Sequence[str], out: Path | None, force: bool, output: Output) -> None:
+    """Run a study's row again and print it; its images, figures and report are written into a folder.
 
     Args:
         given: ``STUDY:ROW``.
         own: ``FILE.py:CLASS`` of the study's methods from files, whose code is run.
+        out: the folder; None: runs/NAME-row-ROW, with a number where it exists.
+        force: an existing folder may be replaced.
         output: takes what is printed.
 
     Raises:
@@ -36,9 +38,10 @@ def replay_row(given: Path, own: Sequence[str], output: Output) -> None:
     folder = Path(name)
     if not folder.is_dir():
         study_file(name)
+    if out is not None and exists(out) and not force:
+        raise AlreadyExists(out)
     with output.working("loading") as progress:
-        from omniservo.reporting.figure_files import image_bytes
-        from omniservo.reporting.study_figures import draw_row
+        from omniservo.reporting.row_report import FIGURE, REPORT, write_row_report
         from omniservo.studies import Program, fields_of_row, load_study, read_header, run_row
 
         header = read_header(folder) if folder.is_dir() else None
@@ -53,12 +56,19 @@ def replay_row(given: Path, own: Sequence[str], output: Output) -> None:
             )
         progress(f"running row {number}")
         result = run_row(study, number, program)
-        picture = Path(f"{study.name}-row-{number}.png")
-        write_whole(picture, image_bytes(draw_row(result), "png"), force=True)
+        progress("drawing it")
+        target = _folder(study.name, number, force) if out is None else out
+        with whole_folder(target, "row.json", force=force) as work:
+            write_row_report(work, study, result)
     if header is not None and header.version != program.version:
         output.line(f"{folder}: its rows were run by {header.version}; this is {program.version}")
     row = fields_of_row(result.row)
     for field, value in row.items():
         output.line(f"{field:<28}{'–' if value is None else value}")
-    output.written(picture)
-    output.result({**row, "figure": str(picture)}, "run-replay-row")
+    output.written(target / REPORT)
+    output.result({**row, "figure": str(target / FIGURE), "out": str(target)}, "run-replay-row")
+
+
+def _folder(name: str, number: int, force: bool) -> Path:
+    folder = Path("runs") / f"{name}-row-{number}"
+    return folder if force else unused(folder)

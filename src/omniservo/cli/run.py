@@ -88,8 +88,9 @@ def run(
     """Do the whole job: images, estimate, plan, servo on the simulated or a real arm, report."""
     if replay is not None:
         if is_row(replay):
-            refuse_other_options(context, "method")
-            replay_row(replay, method if is_given(context, "method") else [], output)
+            refuse_other_options(context, "method", "out", "force")
+            own = method if is_given(context, "method") else []
+            replay_row(replay, own, results.out, results.force, output)
             return
         refuse_other_options(context)
         replay_file(replay, files.allow_outside, output)

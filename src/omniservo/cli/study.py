@@ -14,11 +14,12 @@ from typer.core import TyperGroup
 from omniservo.cli.grouped import grouped
 from omniservo.cli.output import ForceOption, Output
 from omniservo.cli.progress import DOING, Progress
-from omniservo.files import whole_folder
+from omniservo.errors import AlreadyExists
+from omniservo.files import exists, whole_folder
 from omniservo.shipped_studies import shipped_studies, study_file
 
 if TYPE_CHECKING:
-    from omniservo.studies import MethodSummary, Program, StudyHeader, StudyRow
+    from omniservo.studies import MethodDifference, MethodSummary, Program, StudyHeader, StudyRow
 
 _RUN = "run"
 
@@ -128,23 +129,44 @@ def merge(
 def compare(
     before: Annotated[Path, typer.Argument(metavar="A", help="Folder of a study.")],
     after: Annotated[Path, typer.Argument(metavar="B", help="Folder of another.")],
+    *,
+    out: Annotated[Path | None, typer.Option("--out", help="Write a report: an HTML file.")] = None,
+    force: ForceOption = False,
     output: Output,
 ) -> None:
-    """Compare the success of each method in two studies; rows one by one where both ran the same study."""
+    """Compare each method in two studies; rows one by one where both ran the same study."""
+    if out is not None and exists(out) and not force:
+        raise AlreadyExists(out)
     with output.working("loading") as progress:
-        from omniservo.studies import compare_studies, read_parts
+        from omniservo.studies import compare_studies, read_header, read_parts
 
         both = ((row for part in read_parts(d, progress) for row in part.rows) for d in (before, after))
         found = compare_studies(*both)
+        if out is not None:
+            from omniservo.reporting.compare_report import write_compare_report
+
+            progress("writing the report")
+            write_compare_report(out, (read_header(before), read_header(after)), found, force=force)
     for each in found:
-        low, high = each.interval
-        rows = f"; lost rows {_few(each.lost)}; won rows {_few(each.won)}" if each.lost or each.won else ""
-        output.line(
-            f"{each.method:<15} {100 * each.before.share:6.1f}% → {100 * each.after.share:.1f}%  "
-            f"difference {100 * low:+.1f} to {100 * high:+.1f} points (95%)"
-            f"{'' if each.differs else ', which may be none'}{rows}"
-        )
+        _say_difference(output, each)
+    if out is not None:
+        output.written(out)
     output.result({"methods": [each.to_dict() for each in found]}, "study-compare")
+
+
+def _say_difference(output: Output, each: MethodDifference) -> None:
+    """Print a line of a method's success, and one of each other rate that changed."""
+    rows = f"; lost rows {_few(each.lost)}; won rows {_few(each.won)}" if each.lost or each.won else ""
+    for name, rate in each.rates.items():
+        if name != "success" and not abs(rate.difference) > 0.0:  # equal, or of nothing
+            continue
+        low, high = rate.interval
+        what = each.method if name == "success" else f"  {name.replace('_', ' ')}"
+        output.line(
+            f"{what:<15} {100 * rate.before.share:6.1f}% → {100 * rate.after.share:.1f}%  "
+            f"difference {100 * low:+.1f} to {100 * high:+.1f} points (95%)"
+            f"{'' if rate.differs else ', which may be none'}{rows if name == 'success' else ''}"
+        )
 
 
 def _few(rows: tuple[int, ...]) -> str:

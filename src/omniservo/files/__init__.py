@@ -16,7 +16,7 @@ from omniservo.files.documents import (
     require_file,
     stated_units,
 )
-from omniservo.files.python_class import python_class
+from omniservo.files.python_class import python_class, words_aside
 from omniservo.files.results import exists, unused, whole_folder, writable, writable_folder, write_whole
 
 __all__ = [
@@ -38,6 +38,7 @@ __all__ = [
     "stated_units",
     "unused",
     "whole_folder",
+    "words_aside",
     "writable",
     "writable_folder",
     "write_whole",

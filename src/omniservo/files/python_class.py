@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from contextlib import AbstractContextManager, redirect_stdout
 from pathlib import Path
 from traceback import extract_tb
 from types import ModuleType
@@ -11,6 +12,11 @@ from typing import Any
 
 from omniservo.errors import InputError, spelled
 from omniservo.files.documents import read_bytes
+
+
+def words_aside() -> AbstractContextManager[object]:
+    """Let what the user's code prints go to standard error: standard output is a command's own, for JSON."""
+    return redirect_stdout(sys.stderr)
 
 
 def python_class(name: str, what: str, code: bytes | None = None) -> Callable[..., Any]:
@@ -33,8 +39,9 @@ def python_class(name: str, what: str, code: bytes | None = None) -> Callable[..
     sys.modules[module.__name__] = module  # where dataclasses and pickle look for it
     try:
         code_object = compile(content, path, "exec", dont_inherit=True)  # without this file's __future__
-        exec(code_object, vars(module))  # noqa: S102 — the user named the file to run it
-    except Exception as error:
+        with words_aside():
+            exec(code_object, vars(module))  # noqa: S102 — the user named the file to run it
+    except (Exception, SystemExit) as error:
         line = error.lineno if isinstance(error, SyntaxError) else extract_tb(error.__traceback__)[-1].lineno
         raise InputError(f"{what}: {path}: line {line}: {type(error).__name__}: {error}") from error
     found: Callable[..., Any] | None = getattr(module, class_name, None)

@@ -28,7 +28,8 @@ class Listener:
         try:
             self._socket = socket.create_server((host, port))
         except OSError as error:  # whose own words have the address once more
-            why = os.strerror(error.errno) if error.errno in errno.errorcode else error
+            code = error.errno or 0
+            why = os.strerror(code) if code in errno.errorcode else error
             raise InputError(f"{host}:{port}: cannot be listened at: {why}") from None
         self.port: int = self._socket.getsockname()[1]
         """which is listened at"""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.patches import Rectangle
 
 from omniservo.geometry.arrays import FloatArray
 
@@ -24,3 +25,13 @@ def show_around(axes: Axes, points: FloatArray) -> tuple[FloatArray, FloatArray]
     axes.set_xlim(middle[0] - half[0], middle[0] + half[0])
     axes.set_ylim(middle[1] + half[1], middle[1] - half[1])
     return middle, half
+
+
+def frame_points(whole: Axes, near: Axes, points: FloatArray) -> None:
+    """Enlarge the part with the points in ``near`` and frame it in ``whole``."""
+    part = show_around(near, points)
+    if part is None:
+        return
+    centre, half = part
+    whole.add_patch(Rectangle(tuple(centre - half), *(2.0 * half), fill=False, edgecolor="white", lw=2.4))
+    whole.add_patch(Rectangle(tuple(centre - half), *(2.0 * half), fill=False, edgecolor="black", lw=0.9))

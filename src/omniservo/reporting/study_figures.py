@@ -34,6 +34,10 @@ from omniservo.studies.study_scene import StudyScene
 from omniservo.studies.study_tally import MethodTally
 from omniservo.studies.trajectory import Trajectory
 
+_RATES = (
+    ("success", SEVEN[2]), ("collision", SEVEN[1]), ("joint_limit", SEVEN[3]), ("feature_lost", SEVEN[0]),
+    ("diverged", SEVEN[5]),
+)  # fmt: skip
 _SCATTERED = 400
 """Up to so many runs of a method each has a mark; of more, the share of successes in cells is drawn."""
 _A_CELL = 20
@@ -41,10 +45,14 @@ _A_CELL = 20
 _MOST_CELLS = 12
 _SHARES, _NO_START = "viridis", "#d9d9d9"
 _MOST_COLUMNS = 4
+_PANEL, _LEAST_WIDTH, _TALLEST = 2.9, 8.0, 4.0
+"""[inch] least widths of a method's map and of a line of them, and what a map's height goes by at most"""
 
 
 def study_drawings(tally: StudyTally) -> Iterator[Drawing]:
-    """Yield the figures of a study."""
+    """Yield the figures of a study; none where no row has a scene."""
+    if tally.rows == tally.without:
+        return
     with styled():
         yield _rates(tally.summaries())
     with styled():
@@ -52,26 +60,32 @@ def study_drawings(tally: StudyTally) -> Iterator[Drawing]:
 
 
 def _rates(found: Sequence[MethodSummary]) -> Drawing:
-    figure, axes = new_axes(9.0, 1.6 + 0.5 * len(found))
-    middle = np.arange(len(found), dtype=np.float64)
-    kinds = (("success", "success", SEVEN[2]), ("collision", "collision", SEVEN[1]),
-             ("feature_lost", "feature lost", SEVEN[0]))  # fmt: skip
-    for k, (name, label, colour) in enumerate(kinds):
+    kinds = [
+        (name, colour)
+        for name, colour in _RATES
+        if name == "success" or any(getattr(each, name).count for each in found)
+    ]
+    figure, axes = new_axes(9.0, 1.6 + 0.17 * len(kinds) * len(found))
+    middle, apart = np.arange(len(found), dtype=np.float64), 0.75 / len(kinds)
+    for k, (name, colour) in enumerate(kinds):
         rates = [getattr(each, name) for each in found]
         known = [i for i, rate in enumerate(rates) if rate.of]
         share = np.array([100.0 * rates[i].share for i in known])
         ends = np.array([[100.0 * end for end in rates[i].interval] for i in known]).reshape(-1, 2)
-        place = middle[known] + 0.25 * (k - 1)
+        place = middle[known] + apart * (k - 0.5 * (len(kinds) - 1))
         off = np.abs(np.array([share - ends[:, 0], ends[:, 1] - share]))
-        axes.barh(place, share, 0.23, color=colour, alpha=0.75, label=label)
+        axes.barh(place, share, 0.9 * apart, color=colour, alpha=0.75, label=name.replace("_", " "))
         axes.errorbar(share, place, xerr=off, fmt="none", ecolor="#222222", elinewidth=1.1, capsize=2.5)
     axes.set_yticks(middle, [each.method for each in found])
     axes.invert_yaxis()
     axes.set_xlim(0.0, 100.0)
-    axes.set_xlabel("share of the runs [%]; collision: of those with an obstacle or an arm")
+    axes.set_xlabel("share of the runs [%]; collision: with an obstacle or an arm; joint limit: with an arm")
     axes.grid(axis="y", visible=False)
-    legend_below(figure, axes, 3)
-    caption = "Lines are 95% confidence intervals (Wilson). All methods met the same scenes."
+    legend_below(figure, axes, len(kinds))
+    caption = (
+        "Lines are 95% confidence intervals (Wilson). All methods met the same scenes; what never "
+        "happened is not drawn."
+    )
     return Drawing("study-rates", "By method", caption, figure)
 
 
@@ -79,7 +93,8 @@ def _regions(found: Mapping[str, MethodTally]) -> Drawing:
     count = len(found)
     columns = count if count <= _MOST_COLUMNS else min(3, _MOST_COLUMNS, key=lambda k: -count % k)
     lines = -(-len(found) // columns)
-    figure = new_figure(2.9 * columns + 0.6, 2.5 * lines + 0.7)
+    width = max(_PANEL, _LEAST_WIDTH / columns)
+    figure = new_figure(width * columns + 0.6, 0.86 * min(width, _TALLEST) * lines + 0.7)
     grid = figure.subplots(lines, columns, squeeze=False, sharex=True, sharey=True)
     for axes in grid.flat[len(found) :]:
         axes.set_visible(False)
@@ -115,13 +130,19 @@ def _region(axes: Axes, turned: Any, ratio: Any, good: Any, scattered: bool) -> 
         return
     across = min(max(int(math.sqrt(1.5 * len(turned) / _A_CELL)), 3), _MOST_CELLS)
     cells = across, round(across / 1.5)
-    edges = [turned.min(), turned.max()], [ratio.min() - 1e-9, ratio.max() + 1e-9]
+    edges = _ends(turned, 1.0), _ends(ratio, 0.1)
     both, x, y = np.histogram2d(turned, ratio, bins=cells, range=edges)
     reached, _, _ = np.histogram2d(turned[good], ratio[good], bins=cells, range=edges)
     share = np.where(both > 0, reached / np.maximum(both, 1), np.nan)
     axes.pcolormesh(x, y, share.T, vmin=0.0, vmax=1.0, cmap=_SHARES)
     axes.set_facecolor(_NO_START)
     axes.grid(visible=False)
+
+
+def _ends(values: Any, least: float) -> tuple[float, float]:
+    """Return the range of values, so wide at least."""
+    room = max(0.5 * (least - np.ptp(values)), 0.0)
+    return float(values.min()) - room, float(values.max()) + room
 
 
 def draw_row(result: RowResult) -> Drawing:

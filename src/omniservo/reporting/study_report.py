@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from omniservo.files import write_whole
 from omniservo.reporting.framed_figure import framed
-from omniservo.reporting.html import Markup, banner, page, part, table, tag, whole
+from omniservo.reporting.html import Cell, Markup, banner, page, part, table, tag, whole
 from omniservo.reporting.study_figures import draw_row, study_drawings
-from omniservo.studies import MethodSummary, Program, StudyHeader, StudyTally, run_row
+from omniservo.studies import MethodSummary, Program, Rate, StudyHeader, StudyTally, run_row
 from omniservo.studies.study_arms import NO_ARM
 from omniservo.studies.study_row import DIVERGED
-from omniservo.studies.study_summary import errors, number, percent
+from omniservo.studies.study_summary import percent_with_interval, with_interval
 
 _WORST = 10
 
@@ -40,11 +40,8 @@ def study_html(header: StudyHeader, tally: StudyTally, program: Program) -> str:
         banner(f"Study {study.name}", summary),
         part("By method", _table(found), tag("p", _limits(header, tally.without), class_="quiet")),
         *_with_arms(found),
-        part(
-            "Figures",
-            tag("div", *(framed(drawing, "wide") for drawing in study_drawings(tally)), class_="figures"),
-        ),
-        part("How runs ended", _endings(found)),
+        *_figures(tally),
+        part("How runs ended", *_endings(found)),
     ]
     worst = tally.worst(_WORST)
     if worst and program.version != header.version:
@@ -52,51 +49,63 @@ def study_html(header: StudyHeader, tally: StudyTally, program: Program) -> str:
         body.append(part("The worst", tag("p", words)))
     elif worst:
         figures = (framed(draw_row(run_row(study, row.row, program)), "half") for row in worst)
-        words = "Rows without success: collisions, then the largest final errors; two of a method at most."
+        words = (
+            "Rows without success: crashes, collisions, the largest final errors, and last what never moved. "
+            "Two of each method come before others."
+        )
         body.append(part("The worst", tag("p", words), tag("div", *figures, class_="figures")))
     body.append(part("What it was run with", _run_with(header)))
     return page(f"study {study.name}", body)
 
 
+def _figures(tally: StudyTally) -> list[Markup]:
+    drawn = [framed(drawing, "wide") for drawing in study_drawings(tally)]
+    return [part("Figures", tag("div", *drawn, class_="figures"))] if drawn else []
+
+
 def _table(found: Sequence[MethodSummary]) -> Markup:
-    head = ["method", "success", "95% interval", "collision", "feature lost", "diverged",
-            "final error, median", "path, median", "time, median"]  # fmt: skip
-    lines = []
+    carried = any(each.joint_limit.of for each in found)
+    head = ["method", "success", "collision", *(["joint limit"] * carried), "feature lost", "diverged",
+            "final distance", "final angle", "path", "time"]  # fmt: skip
+    lines: list[list[Cell]] = []
     for each in found:
-        low, high = each.success.interval
-        lines.append(
-            [
-                each.method,
-                f"{percent(each.success)} ({each.success.count} of {each.success.of})",
-                f"{100 * low:.1f}–{100 * high:.1f}%",
-                f"{percent(each.collision)} ({each.collision.count} of {each.collision.of})",
-                percent(each.feature_lost),
-                percent(each.diverged),
-                errors(each),
-                number(each.path_length_m, ".2f", " m"),
-                number(each.seconds, ".1f", " s"),
-            ]
+        rates = (each.success, each.collision, *([each.joint_limit] * carried), each.feature_lost,
+                 each.diverged)  # fmt: skip
+        medians = (
+            with_interval(each.translation_m, ".2f", " mm", 1e3),
+            with_interval(each.rotation_rad, ".3f", "°", math.degrees(1.0)),
+            with_interval(each.path_length_m, ".2f", " m"),
+            with_interval(each.seconds, ".1f", " s"),
         )
-    return table(head, ([whole(cell) for cell in line] for line in lines))
+        lines.append([each.method, *map(_rate, rates), *map(_parted, medians)])
+    return table(head, lines)
+
+
+def _rate(rate: Rate) -> Markup:
+    return _parted(percent_with_interval(rate), *([f"{rate.count} of {rate.of}"] if rate.of else []))
+
+
+def _parted(words: str, *more: str) -> Markup:
+    """Return a value with its interval in a line below, and what else there is to say below that."""
+    value, bracket, interval = words.partition(" (")
+    lines = [value, *([f"({interval}"] if bracket else []), *more]
+    first, *rest = (whole(line).html for line in lines)
+    return Markup("<br>".join([first, *(f'<small class="quiet">{line}</small>' for line in rest)]))
 
 
 def _with_arms(found: Sequence[MethodSummary]) -> list[Markup]:
     """Return what methods do with each arm and without; nothing where no camera was carried by one."""
     if all(set(each.arms) <= {NO_ARM} for each in found):
         return []
-    head = ["method", "arm", "success", "95% interval", "collision", "joint limit"]
-    lines = []
+    head = ["method", "arm", "success", "collision", "joint limit"]
+    lines: list[list[Cell]] = []
     for each in found:
         for arm, rates in each.arms.items():
-            low, high = rates.success.interval
             lines.append(
                 [
                     each.method,
                     arm,
-                    f"{percent(rates.success)} ({rates.success.count} of {rates.success.of})",
-                    f"{100 * low:.1f}–{100 * high:.1f}%",
-                    f"{percent(rates.collision)} ({rates.collision.count} of {rates.collision.of})",
-                    percent(rates.joint_limit),
+                    *map(_rate, (rates.success, rates.collision, rates.joint_limit)),
                 ]
             )
     words = (
@@ -115,14 +124,23 @@ def _limits(header: StudyHeader, without: int) -> str:
         f"goal after {limits.seconds:g} s at most, and the camera's centre never within "
         f"{1e3 * study.obstacles.clearance:g} mm of an obstacle. Collision: of the runs with an obstacle "
         f"or an arm. Diverged: not at the goal, and once {DIVERGED:g} times as far from it as start and "
-        f"target. Medians are those of successful runs.{left}"
+        f"target. Distances, angles, paths and times are medians of the successful runs. In brackets: the "
+        f"interval of 95%, Wilson's of shares, of medians whatever their distribution.{left}"
     )
 
 
-def _endings(found: Sequence[MethodSummary]) -> Markup:
-    kinds = sorted({status for each in found for status in each.statuses})
-    head = ["method", *(kind.replace("_", " ") for kind in kinds)]
-    return table(head, ([each.method, *(str(each.statuses.get(k, 0)) for k in kinds)] for each in found))
+def _endings(found: Sequence[MethodSummary]) -> list[Markup]:
+    """Return how often a method's runs ended in which way, and by which names they were stopped."""
+    ways = [_counted("method", {each.method: each.statuses for each in found})]
+    if any(each.stops for each in found):
+        ways.append(_counted("stopped by", {each.method: each.stops for each in found}))
+    return ways
+
+
+def _counted(head: str, counts: Mapping[str, Mapping[str, int]]) -> Markup:
+    kinds = sorted({kind for each in counts.values() for kind in each})
+    lines = ([method, *(str(own.get(kind, 0)) for kind in kinds)] for method, own in counts.items())
+    return table([head, *(kind.replace("_", " ") for kind in kinds)], lines)
 
 
 def _run_with(header: StudyHeader) -> Markup:

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 from matplotlib import patheffects
 from matplotlib.axes import Axes
-from matplotlib.patches import Rectangle
 
 from omniservo.geometry.arrays import ByteArray, FloatArray
-from omniservo.reporting.around_points import show_around
+from omniservo.reporting.around_points import frame_points
 from omniservo.reporting.number_places import HEIGHT, number_places
 from omniservo.reporting.style import GOAL, START, Drawing, new_figure
 from omniservo.results.run_result import RunResult
@@ -30,7 +29,7 @@ def views(result: RunResult) -> Drawing:
     for (whole, near), (title, image, points, colour) in zip(panels.T, pictures, strict=True):
         _picture(whole, image, title)
         _picture(near, image, "")
-        _frame_points(whole, near, points)
+        frame_points(whole, near, points)
         _numbered(near, points, colour)
     return Drawing(
         "views",
@@ -75,16 +74,6 @@ def _picture(axes: Axes, image: ByteArray, title: str) -> None:
     )
     axes.set_title(title)
     axes.set_axis_off()
-
-
-def _frame_points(whole: Axes, near: Axes, points: FloatArray) -> None:
-    """Enlarge the part with the points in ``near`` and frame it in ``whole``."""
-    part = show_around(near, points)
-    if part is None:
-        return
-    centre, half = part
-    whole.add_patch(Rectangle(tuple(centre - half), *(2.0 * half), fill=False, edgecolor="white", lw=2.4))
-    whole.add_patch(Rectangle(tuple(centre - half), *(2.0 * half), fill=False, edgecolor="black", lw=0.9))
 
 
 def _numbered(axes: Axes, points: FloatArray, colour: str) -> None:

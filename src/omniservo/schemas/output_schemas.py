@@ -28,7 +28,7 @@ from omniservo.schemas.shapes import (
     vector,
 )
 from omniservo.studies.study_row import StudyRow
-from omniservo.studies.study_summary import RATES
+from omniservo.studies.study_summary import MEDIANS, RATES
 
 _OUT = said(TEXT, "where it was written")
 _OR_NULL = nullable(NUMBER)
@@ -41,13 +41,15 @@ _FIT: dict[str, Schema] = {
 }
 _RATE = mapping({"count": COUNT, "of": COUNT, "share": _OR_NULL, "interval_95": vector(2, _OR_NULL)})
 _OF_ARM = mapping(dict.fromkeys(("success", "collision", "joint_limit"), _RATE))
+_COUNTS: Schema = {"type": "object", "additionalProperties": COUNT}
 _METHOD = mapping(
     {
         "method": TEXT,
         **dict.fromkeys(RATES, _RATE),
         "arms": {"type": "object", "additionalProperties": _OF_ARM},
-        "statuses": {"type": "object", "additionalProperties": COUNT},
-        **dict.fromkeys(("translation_m", "rotation_rad", "path_length_m", "seconds"), _OR_NULL),
+        **dict.fromkeys(("statuses", "stops"), _COUNTS),
+        **dict.fromkeys(MEDIANS, _OR_NULL),
+        "median_intervals_95": mapping(dict.fromkeys(MEDIANS, vector(2, _OR_NULL))),
     }
 )
 _ROWS = several(COUNT)
@@ -208,13 +210,18 @@ _DELAYED: dict[str, Schema] = {
     **dict.fromkeys(("actuation_lag_sigma_s", "residual_px"), _OR_NULL),
     "images": COUNT,
 }
+_CHANGED: dict[str, Schema] = {
+    **dict.fromkeys(("before", "after"), _RATE),
+    "difference": _OR_NULL,
+    "interval_95": vector(2, _OR_NULL),
+    "differs": FLAG,
+}
 _COMPARED = mapping(
     {
         "method": TEXT,
-        **dict.fromkeys(("before", "after"), _RATE),
-        "difference": _OR_NULL,
-        "interval_95": vector(2, _OR_NULL),
-        "differs": FLAG,
+        **_CHANGED,
+        "rates": mapping({name: mapping(_CHANGED) for name in RATES if name != "success"}),
+        "medians": mapping(dict.fromkeys(MEDIANS, vector(2, _OR_NULL))),
         **dict.fromkeys(("lost", "won"), _ROWS),
     }
 )
@@ -234,7 +241,7 @@ _FIELDS: dict[str, tuple[dict[str, Schema], dict[str, Schema]]] = {
         {**_MORE, "out": _OUT, "methods": said({"type": "object"}, "the metrics of each, by name")},
     ),
     "run-replay": (_REPLAYED, {}),
-    "run-replay-row": ({**_of_row(), "figure": _OUT}, {}),
+    "run-replay-row": ({**_of_row(), "figure": _OUT, "out": _OUT}, {}),
     "export": ({"out": _OUT, "repeated": FLAG, "bytes": COUNT}, {}),
     "verify": (
         {

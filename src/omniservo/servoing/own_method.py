@@ -6,15 +6,17 @@ import inspect
 import traceback
 from pathlib import Path
 
-from omniservo.errors import InputError, InvalidData, ServoStop
-from omniservo.files import python_class
+import numpy as np
+
+from omniservo.errors import InputError, InvalidData, NotFinite, ServoStop, spelled
+from omniservo.files import python_class, words_aside
 from omniservo.geometry.arrays import FloatArray
 from omniservo.servoing.servo_measurement import ServoMeasurement
 from omniservo.servoing.servo_method import ServoMethod
 
 
 class OwnMethod:
-    """Runs ``CLASS(gain).step(measurement)`` of a file; whatever the step raises is a named stop.
+    """Runs ``CLASS(gain).step(measurement)`` of a file; whatever it raises is a named stop.
 
     Args:
         source: ``FILE.py:CLASS``, whose code is run.
@@ -22,7 +24,7 @@ class OwnMethod:
         code: what the file holds; None: it is read.
 
     Raises:
-        InputError: no such class, or not one that can be made from a gain and has ``step``.
+        InputError: no such class, or not one that is made from a gain and has ``step``.
     """
 
     def __init__(self, source: str, gain: float, code: bytes | None = None) -> None:
@@ -32,10 +34,11 @@ class OwnMethod:
         except TypeError as error:
             raise InputError(f"method: {source}: {error}; legal: CLASS(gain)") from None
         try:
-            method = made(gain)
-        except _RAISED as error:
-            raise InputError(f"method: {source}: {_in_words(error)}") from error
-        if not isinstance(method, ServoMethod):
+            with words_aside():
+                method = made(gain)
+        except (Exception, SystemExit) as error:
+            raise InputError(f"method: {_said(source, error)}") from error
+        if not isinstance(method, ServoMethod) or not callable(method.step):
             raise InputError(f"method: {source} has no step(measurement)")
         self._method, self._source = method, source
 
@@ -43,21 +46,25 @@ class OwnMethod:
         """Return the method's own twist (6,).
 
         Raises:
-            ServoStop: as the method raises it; `InvalidData` for anything else.
+            ServoStop: as the method raises it; `NotFinite` where its twist is not six numbers, `InvalidData`
+                for anything else.
         """
         try:
-            return self._method.step(seen)
+            with words_aside():
+                given = self._method.step(seen)
+            twist = np.asarray(given) if np.iterable(given) else np.empty(0)
         except ServoStop:
             raise
-        except _RAISED as error:
-            raise InvalidData(f"{self._source}: {_in_words(error)}") from error
+        except (Exception, SystemExit) as error:
+            raise InvalidData(_said(self._source, error)) from error
+        if twist.shape != (6,) or twist.dtype.kind not in "fiu":
+            raise NotFinite(
+                f"{self._source}: gives the twist {spelled(given)}; six finite numbers are needed"
+            )
+        return twist.astype(np.float64)
 
 
-_RAISED = (Exception, SystemExit)
-"""by a user's own code; Ctrl-C is not its own"""
-
-
-def _in_words(error: BaseException) -> str:
-    """Return where something was raised, and what."""
+def _said(source: str, error: BaseException) -> str:
+    """Return what the user's code raised, and where."""
     place = traceback.extract_tb(error.__traceback__)[-1]
-    return f"{Path(place.filename).name}:{place.lineno}: {type(error).__name__}: {error}"
+    return f"{source}: {Path(place.filename).name}:{place.lineno}: {type(error).__name__}: {error}"

@@ -7,6 +7,7 @@ from omniservo.simulation.render import ModelRenderer, Rendering, render
 from omniservo.simulation.scene_file import load_scene_model
 from omniservo.simulation.simulated_cell import SimulatedCell
 from omniservo.simulation.simulated_robot import SimulatedRobot
+from omniservo.simulation.study_renderer import StudyRenderer
 from omniservo.simulation.take_picture import take_picture
 from omniservo.simulation.unified_renderer import UnifiedRenderer
 from omniservo.simulation.world import World
@@ -18,6 +19,7 @@ __all__ = [
     "Rendering",
     "SimulatedCell",
     "SimulatedRobot",
+    "StudyRenderer",
     "UnifiedRenderer",
     "Viewpoint",
     "World",

@@ -1,6 +1,6 @@
 """Studies: many closed loops over stated distributions, each row reproducible by its number."""
 
-from omniservo.studies.compare_studies import MethodDifference, compare_studies
+from omniservo.studies.compare_studies import MethodDifference, RateDifference, compare_studies
 from omniservo.studies.load_study import load_study
 from omniservo.studies.merge_studies import merge_studies
 from omniservo.studies.program import PACKAGE, Program
@@ -18,6 +18,7 @@ __all__ = [
     "MethodSummary",
     "Program",
     "Rate",
+    "RateDifference",
     "RowResult",
     "Shard",
     "Study",

@@ -12,6 +12,8 @@ from pydantic import BeforeValidator, PlainSerializer, ValidationInfo
 
 Kind = Literal["value", "uniform", "log_uniform", "normal", "choice"]
 
+_MOST = 1e9
+"""of a number: whatever is drawn of such is finite"""
 _TWO = {"uniform": "[LEAST, MOST]", "log_uniform": "[LEAST, MOST] above 0", "normal": "[MEAN, SIGMA]"}
 _LEGAL = "legal: a number, {uniform: [LEAST, MOST]}, {log_uniform: …}, {normal: [MEAN, SIGMA]}, {choice: […]}"
 
@@ -68,15 +70,17 @@ def read_distribution(field: Any) -> Distribution:
     if _is_number(field):
         return Distribution("value", (float(field),))
     if not isinstance(field, dict) or len(field) != 1:
-        raise ValueError(_LEGAL)
+        raise ValueError(f"{_LEGAL}; numbers within ±{_MOST:g}")
     kind, numbers = next(iter(field.items()))
     if kind not in ("uniform", "log_uniform", "normal", "choice"):
         raise ValueError(_LEGAL)
     if not isinstance(numbers, list) or not numbers or not all(map(_is_number, numbers)):
-        raise ValueError(f"{kind}: finite numbers are needed; {_LEGAL}")
+        raise ValueError(f"{kind}: numbers within ±{_MOST:g} are needed; {_LEGAL}")
     if kind in _TWO and len(numbers) != 2:
         raise ValueError(f"{kind}: {len(numbers)} numbers; legal: {_TWO[kind]}")
     first, last = numbers[0], numbers[-1]
+    if kind == "log_uniform" and first > 0 and last / first > _MOST**2:
+        raise ValueError(f"log_uniform: legal: MOST at most {_MOST**2:g} times LEAST")
     if kind in ("uniform", "log_uniform") and (last < first or (kind == "log_uniform" and first <= 0)):
         raise ValueError(f"{kind}: legal: {_TWO[kind]}")
     if kind == "normal" and last < 0:
@@ -85,7 +89,7 @@ def read_distribution(field: Any) -> Distribution:
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= _MOST
 
 
 def _in(unit: str | None, least: float, most: float, whole: bool = False) -> Callable[..., Distribution]:

@@ -9,7 +9,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from omniservo.errors import InputError, spelled
+from omniservo.errors import InputError, spelled, spelled_name
 from omniservo.files import read_document, stated_units
 from omniservo.shipped_studies import study_file
 from omniservo.studies.study import FORMAT, MOST_ROWS, Study
@@ -62,6 +62,13 @@ def study_of_fields(document: Any, files: TaskFiles, own: Sequence[str] = ()) ->
         raise InputError(first_problem(error, source, Study)) from None
     for arm in found.arms.mounts.values():
         arm.load()
+    for name, camera in found.cameras.items():
+        half, margin = 0.5 * min(camera.width, camera.height), found.servo.visibility_margin
+        if margin >= half:
+            raise InputError(
+                f"{source}: servo.visibility_margin: {margin:g} px given; legal: less than {half:g}, "
+                f"half the image of {spelled_name(name)}"
+            )
     if found.rows > MOST_ROWS:
         raise InputError(
             f"{source}: scenes × cameras × methods: {found.rows} rows; legal: at most {MOST_ROWS}"

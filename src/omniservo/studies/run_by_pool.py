@@ -33,6 +33,7 @@ def run_by_pool(
     """
     waiting = iter(missing)
     running: dict[Future[None], int] = {}
+    begun: tuple[int, ...] = ()
     before = set(multiprocessing.active_children())
     pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), _begin_worker)
     try:
@@ -40,6 +41,7 @@ def run_by_pool(
             for number in (next(waiting) for _ in range(workers)):
                 running[pool.submit(_run_part, work, folder, number)] = number
         while running:
+            begun = tuple(running.values())
             ended, _ = wait(running, return_when=FIRST_COMPLETED)
             for future in ended:
                 number = running.pop(future)
@@ -53,8 +55,10 @@ def run_by_pool(
         for process in set(multiprocessing.active_children()) - before:
             process.terminate()
         if isinstance(error, BrokenProcessPool):
+            rows = ", ".join(f"{work.rows(number)[0]} to {work.rows(number)[-1]}" for number in begun)
             raise NoSolutionError(
-                f"{folder}: a worker process was killed; finished parts are kept, the same command goes on"
+                f"{folder}: a worker process was killed while rows {rows} were run; finished parts are kept, "
+                "the same command goes on. Where it is killed again, run --replay FOLDER:ROW runs one alone"
             ) from None
         raise
 

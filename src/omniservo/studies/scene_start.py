@@ -12,7 +12,7 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.estimation import TwoViewEstimate, estimate_two_view
 from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.studies.study import Study
-from omniservo.studies.study_camera import StudyCamera
+from omniservo.studies.study_camera import StudyCamera, StudyImage
 from omniservo.studies.study_scene import NoScene, StudyScene, draw_scene, generators
 from omniservo.tracking import TrackerOptions
 
@@ -62,14 +62,22 @@ def scene_start(study: Study, number: int, camera: str) -> SceneStart | NoScene:
     return SceneStart(scene, estimate_of_scene(study, scene, StudyCamera(scene, random)), random)
 
 
-def estimate_of_scene(study: Study, scene: StudyScene, camera: StudyCamera) -> Estimated | str:
-    """Return what the camera's images at the scene's two ends say, or why that is nothing."""
+def images_at_ends(scene: StudyScene, camera: StudyCamera) -> tuple[StudyImage, StudyImage]:
+    """Return the images that are taken at the start and at the goal, in this order."""
     ends = _HERE, scene.initial_T_goal
     initial, goal = (camera.take(p.rotation.as_matrix(), np.array(p.translation)) for p in ends)
+    return initial, goal
+
+
+def estimate_of_scene(study: Study, scene: StudyScene, camera: StudyCamera) -> Estimated | str:
+    """Return what the camera's images at the scene's two ends say, or why that is nothing."""
+    initial, goal = images_at_ends(scene, camera)
     matched = np.flatnonzero(initial.found & goal.found)
     length = float(np.linalg.norm(scene.initial_T_goal.translation)) * (1.0 + scene.conditions.depth)
     if len(matched) < TrackerOptions().least_features:
         return f"{len(matched)} points are found in both images"
+    if length <= 0.0:
+        return f"the distance of the two views is stated as {length:.3g} m"
     pixels = initial.pixels[matched], goal.pixels[matched]
     estimate = estimate_two_view(scene.camera, *pixels, scale=length, scale_sigma=study.servo.depth_sigma)
     pose = estimate.initial_T_goal

@@ -21,7 +21,7 @@ from omniservo.studies.distribution import (
     constant,
     whole,
 )
-from omniservo.studies.study_arms import StudyArms
+from omniservo.studies.study_arms import StudyArms, legal_name
 from omniservo.tasks.quantities import Angle, NonNegativeLength, PositiveLength
 from omniservo.tasks.section import Section
 
@@ -175,6 +175,13 @@ class Study(Section):
     errors: StudyErrors = StudyErrors()
     servo: StudyServo = StudyServo()
     limits: StudyLimits = StudyLimits()
+
+    @field_validator("cameras")
+    @classmethod
+    def _named(cls, cameras: dict[str, CentralModel]) -> dict[str, CentralModel]:
+        for name in cameras:
+            legal_name(name)
+        return cameras
 
     @field_validator("methods")
     @classmethod

@@ -28,6 +28,17 @@ NO_ARM = "none"
 
 _MOST_BYTES = 8 * 2**20
 """of one arm's files"""
+_LONGEST_NAME = 200
+
+
+def legal_name(name: str) -> None:
+    """Refuse the name of a camera or an arm that no table or page could show.
+
+    Raises:
+        ValueError: it is empty, too long, or has characters that are not printed.
+    """
+    if not name.isprintable() or not 1 <= len(name) <= _LONGEST_NAME:
+        raise ValueError(f"name {spelled(name)}; legal: 1 to {_LONGEST_NAME} characters that are printed")
 
 
 class StudyArm(ArmMount):
@@ -76,6 +87,7 @@ class StudyArms(Section):
             if name != NO_ARM and name not in self.mounts:
                 raise ValueError(f"{spelled(name)} is no shipped arm and not in mounts")
         for name in self.mounts:
+            legal_name(name)
             if name not in self.choice or name == NO_ARM:
                 raise ValueError(f"mounts: {spelled(name)} is not in choice")
         return self

@@ -51,6 +51,10 @@ def _is_own(name: Any) -> bool:
     return isinstance(name, str) and len(name) <= _LONGEST_NAME and name.rpartition(".")[2].isidentifier()
 
 
+def _is_machine(given: Any) -> bool:
+    return isinstance(given, dict) and all(isinstance(value, str) for value in given.values())
+
+
 def this_machine() -> dict[str, str]:
     """Return processor, Python and libraries: what the last digits of a row depend on."""
     libraries = {name: importlib.metadata.version(name) for name in _LIBRARIES}
@@ -86,8 +90,8 @@ def read_header(folder: Path) -> StudyHeader:
     if fields.get("study_hash") != study.hash:
         given = spelled(fields.get("study_hash"))
         raise InputError(f"{path}: study_hash: {given}; its study has {study.hash!r}")
-    if not isinstance(version, str) or not isinstance(machines, list):
-        raise InputError(f"{path}: version and machines are needed")
+    if not isinstance(version, str) or not isinstance(machines, list) or not all(map(_is_machine, machines)):
+        raise InputError(f"{path}: version and machines are needed: texts, and a list of texts by name")
     return StudyHeader(study, version, tuple(machines))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import gzip
 import hashlib
 import io
@@ -26,6 +27,8 @@ from omniservo.studies.study_row import RowResult, StudyRow, fields_of_row, row_
 FORMAT = "omniservo.study-part/2"
 _FOLDER = "parts"
 _ENDING = ".jsonl.gz"
+_NO_LINKS = (errno.EPERM, errno.ENOTSUP, errno.ENOSYS)
+"""what file systems without hard links answer; parts are renamed there"""
 _MOST_TEXT = 2**27
 """[bytes] of a part's text that are read"""
 _MOST_ROWS, _LEAST_ROWS, _PARTS = 100, 8, 16
@@ -55,6 +58,10 @@ class PartWork:
     def content(self, number: int) -> bytes:
         """Run a part's rows; return what its file holds."""
         return part_content(_study(self.study, self.program.names), self.program, number)
+
+    def rows(self, number: int) -> range:
+        """Return the numbers of a part's rows."""
+        return rows_of_part(_study(self.study, self.program.names), number)
 
 
 _study = lru_cache(maxsize=1)(study_of_json)
@@ -128,6 +135,10 @@ def write_part(folder: Path, number: int, content: bytes) -> None:
             os.link(hidden, path)
         except FileExistsError:
             return
+        except OSError as error:
+            if error.errno not in _NO_LINKS:
+                raise
+            hidden.replace(path)
     except OSError as error:
         raise NotWritten(path, error.strerror or str(error)) from None
     finally:
@@ -164,10 +175,18 @@ def part_of_content(study: Study, version: str, path: Path, number: int, content
         raise
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise _damaged(path, f"not a part ({type(error).__name__})") from None
-    if [row.row for row in found] != list(rows_of_part(study, number)):
+    if [_place(row) for row in found] != [_expected(study, version, k) for k in rows_of_part(study, number)]:
         raise _damaged(path, "not the rows of this part")
     plans = {entry["row"]["row"]: entry["plan"] for entry in rows if "plan" in entry}
     return StudyPart(number, found, plans, taken)
+
+
+def _place(row: StudyRow) -> tuple[Any, ...]:
+    return row.row, row.study_hash, row.version, row.seed, row.scene, row.camera, row.method
+
+
+def _expected(study: Study, version: str, row: int) -> tuple[Any, ...]:
+    return row, study.hash, version, study.seed, *study.place(row)
 
 
 def _text(path: Path, content: bytes) -> str:

@@ -22,6 +22,7 @@ from omniservo.studies.trajectory import Trajectory
 
 STATUSES = ("converged", "timed_out", "stopped", "not_estimated", "not_planned", "no_scene", "error")
 
+_LONGEST_REASON = 500
 
 DIVERGED = 2.0
 """times as far from the goal as start and target, a camera was led away"""
@@ -118,11 +119,29 @@ def run_row(study: Study, number: int, program: Program = PACKAGE) -> RowResult:
         obstacle_moved_s=None,
     )  # fmt: skip
     try:
-        return _run(study, empty, program)
-    except Exception as error:
+        result = _run(study, empty, program)
+        refuse_not_finite(result.row)
+        return replace(result, row=replace(result.row, reason=_printable(result.row.reason)))
+    except (Exception, SystemExit) as error:  # of a method from a file, which may do anything
         place = traceback.extract_tb(error.__traceback__)[-1]
         where = f"{Path(place.filename).name}:{place.lineno}"
-        return RowResult(replace(empty, reason=f"{type(error).__name__}: {error} ({where})"[:500]))
+        return RowResult(replace(empty, reason=_printable(f"{type(error).__name__}: {error} ({where})")))
+
+
+def refuse_not_finite(row: StudyRow) -> None:
+    """Refuse a row with a number that is none.
+
+    Raises:
+        ValueError: one is NaN or infinite.
+    """
+    for name, value in fields_of_row(row).items():
+        if isinstance(value, float) and not isfinite(value):
+            raise ValueError(f"{name} is {value}")
+
+
+def _printable(reason: str) -> str:
+    """Return a reason as tables hold it: of one line, and not longer than `_LONGEST_REASON`."""
+    return "".join(c if c.isprintable() else "\ufffd" for c in reason[:_LONGEST_REASON])
 
 
 def _run(study: Study, empty: StudyRow, program: Program) -> RowResult:
@@ -202,9 +221,11 @@ def row_of_fields(given: dict[str, Any]) -> StudyRow:
         raise ValueError("other columns")
     for field in fields(StudyRow):
         value = given[field.name]
-        if type(value) not in _KINDS[str(field.type)] or (isinstance(value, float) and not isfinite(value)):
+        if type(value) not in _KINDS[str(field.type)]:
             raise ValueError(f"{field.name}: {value!r}")
-    return StudyRow(**given)
+    row = StudyRow(**given)
+    refuse_not_finite(row)
+    return row
 
 
 def fields_of_row(row: StudyRow) -> dict[str, Any]:

@@ -159,7 +159,7 @@ def draw_scene(study: Study, number: int, camera: CentralModel) -> StudyScene:
     conditions, drawn = _drawn(study, camera, random)
     name = study.arms.draw(of_arm)
     error = MountError(study.errors.mount_translation.draw(of_arm), study.errors.mount_rotation.draw(of_arm))
-    lens = LensError(conditions.model, _FIELD_LENGTH * camera.width, number) if conditions.model else None
+    lens = _lens(study, number, camera, conditions)
     for _ in range(_TRIES):
         points, goal = _ends(drawn, random)
         ends = points, goal.inv().apply(points)
@@ -184,6 +184,14 @@ def draw_scene(study: Study, number: int, camera: CentralModel) -> StudyScene:
         f"no scene in {_TRIES} tries: turned by {math.degrees(drawn.rotation):.1f} deg at "
         f"{drawn.distance_ratio:.2f} times the distance, an end does not see all points{without}"
     )
+
+
+def _lens(study: Study, number: int, camera: CentralModel, conditions: Conditions) -> LensError | None:
+    """Return what the camera's model is off in this scene: of another seed it is another field."""
+    if not conditions.model:
+        return None
+    seed = np.random.SeedSequence(study.seed, spawn_key=(number,)).generate_state(1, np.uint64)
+    return LensError(conditions.model, _FIELD_LENGTH * camera.width, int(seed[0]))
 
 
 def problem_of_truth(scene: StudyScene) -> PlanningProblem:

@@ -8,14 +8,14 @@ from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from omniservo.studies.study_arms import NO_ARM
 from omniservo.studies.study_row import StudyRow
-from omniservo.studies.study_summary import ArmRates, MethodSummary, Rate
+from omniservo.studies.study_summary import ArmRates, Median, MethodSummary, Rate
 
-_SHOWN = 2
-"""of a method's worst rows: else a gallery shows the worst method alone"""
+_FIRST = 2
+"""of a method's worst rows come before those of others: else a gallery shows the worst method alone"""
+_KEPT = 10
+"""of a method's worst rows"""
 
 _COLLIDES = "something to collide with"
 
@@ -32,6 +32,8 @@ class MethodTally:
 
     statuses: Counter[str] = field(default_factory=Counter)
     """how those that count ended"""
+    stops: Counter[str] = field(default_factory=Counter)
+    """names by which they were stopped"""
     counts: dict[str, Counter[str]] = field(default_factory=dict)
     """arm → how many of them with it are "rows", and have "success", "feature_lost", "diverged", a
     "collision", a "joint_limit", "something to collide with" """
@@ -44,22 +46,17 @@ class MethodTally:
     reached: array[float] = field(default_factory=_numbers)
     """whether they succeeded"""
     worst: list[StudyRow] = field(default_factory=list)
-    """the worst of those without success, at most two"""
+    """of those without success, the worst first, at most `_KEPT`"""
 
     def add(self, row: StudyRow) -> None:
         """Count a row in."""
         if not row.counts:
             return
         self.statuses[row.status] += 1
-        has = {
-            "rows": True,
-            "success": row.success,
-            "feature_lost": row.feature_lost,
-            "diverged": row.diverged,
-            "collision": row.collision,
-            "joint_limit": row.joint_limit,
-            _COLLIDES: row.obstacles > 0 or row.arm != NO_ARM,
-        }
+        if row.status == "stopped":
+            self.stops[row.reason.partition(":")[0]] += 1
+        rates = rates_of(row)
+        has = {**rates, "rows": True, _COLLIDES: "collision" in rates}
         self.counts.setdefault(row.arm, Counter()).update(name for name, holds in has.items() if holds)
         if row.start_rotation_rad is not None and row.start_distance_ratio is not None:
             self.turned.append(row.start_rotation_rad)
@@ -69,14 +66,14 @@ class MethodTally:
             for name, numbers in self.good.items():
                 value = getattr(row, name)
                 numbers.append(math.nan if value is None else value)
-        elif row.final_translation_error_m is not None and row.images:
-            self.worst = sorted((*self.worst, row), key=badness)[:_SHOWN]
+        else:
+            self.worst = sorted((*self.worst, row), key=badness)[:_KEPT]
 
     def summary(self, method: str) -> MethodSummary:
         """Return what the rows say of the method."""
         counts = sum(self.counts.values(), Counter())
         of, with_arm = counts["rows"], counts["rows"] - self.counts.get(NO_ARM, Counter())["rows"]
-        translation, rotation, path_length, seconds = map(_median, self.good.values())
+        translation, rotation, path_length, seconds = map(Median.of, self.good.values())
         return MethodSummary(
             method=method,
             success=Rate(counts["success"], of),
@@ -85,6 +82,7 @@ class MethodTally:
             feature_lost=Rate(counts["feature_lost"], of),
             diverged=Rate(counts["diverged"], of),
             statuses=dict(sorted(self.statuses.items())),
+            stops=dict(sorted(self.stops.items())),
             translation_m=translation,
             rotation_rad=rotation,
             path_length_m=path_length,
@@ -102,9 +100,24 @@ def _rates_of(arm: str, counts: Counter[str]) -> ArmRates:
     )
 
 
-def badness(row: StudyRow) -> tuple[bool, float, int]:
-    """Return by what rows without success are ordered, the worst first: collisions, then the final error."""
-    return not row.collision, -(row.final_translation_error_m or 0.0), row.row
+def rates_of(row: StudyRow) -> dict[str, bool]:
+    """Return the rates that a row is counted in, by the names of `RATES`, and whether it holds there."""
+    rates = {"success": row.success, "feature_lost": row.feature_lost, "diverged": row.diverged}
+    if row.obstacles > 0 or row.arm != NO_ARM:
+        rates["collision"] = row.collision
+    if row.arm != NO_ARM:
+        rates["joint_limit"] = row.joint_limit
+    return rates
+
+
+def badness(row: StudyRow) -> tuple[int, float, int]:
+    """Return by what rows without success are ordered, the worst first.
+
+    Crashes, then collisions, then others by their final error; last those that nothing moved.
+    """
+    moved = 2 if row.images else 3
+    kind = 0 if row.status == "error" else 1 if row.collision else moved
+    return kind, -(row.final_translation_error_m or 0.0), row.row
 
 
 class StudyTally:
@@ -131,9 +144,7 @@ class StudyTally:
         return [tally.summary(method) for method, tally in self.methods.items()]
 
     def worst(self, count: int) -> list[StudyRow]:
-        """Return the rows of the gallery, worst first, two of a method at most."""
-        return sorted((row for tally in self.methods.values() for row in tally.worst), key=badness)[:count]
-
-
-def _median(numbers: array[float]) -> float:
-    return float(np.median(numbers)) if numbers else math.nan
+        """Return so many rows of the gallery, worst first: two of each method, then whatever is worst."""
+        first = sorted((row for tally in self.methods.values() for row in tally.worst[:_FIRST]), key=badness)
+        more = sorted((row for tally in self.methods.values() for row in tally.worst[_FIRST:]), key=badness)
+        return sorted((first + more)[:count], key=badness)

@@ -177,11 +177,12 @@ def first_problem(
     place = list(problem["loc"])
     if place[:2] == ["planning", "obstacles"] and len(place) > 2:
         place[2] = stated[int(place[2])]
-    field = ".".join(map(str, place)) or document.__name__.lower()
+    field = ".".join(map(spelled_name, place)) or document.__name__.lower()
     if problem["type"] == "extra_forbidden":
         legal = fields_at(place[:-1], document)
         given = place[-1]
         return f"{source}: {field}: no such field; legal: {', '.join(legal)}{did_you_mean(given, legal)}"
     given = "" if problem["type"] == "missing" else f"; {spelled(problem['input'])} given"
     more = f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else ""
-    return f"{source}: {field}: {problem['msg']}{given}{more}"
+    said = problem["msg"].removeprefix("Value error, ")  # which is pydantic's, not ours
+    return f"{source}: {field}: {said}{given}{more}"

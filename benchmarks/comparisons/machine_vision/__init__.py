@@ -1,0 +1,1 @@
+"""The servo laws of machinevision-toolbox-python beside ours."""
