@@ -116,10 +116,12 @@ def test_silence_while_moving_stops_the_arm_for_good(stand_in):
         assert np.array_equal(stand_in.arm.speeds, np.zeros(6))
         reason = arm.read().mode_reason
         gap = re.fullmatch(
-            r".*program stopped; longest gap between commands ([\d.]+) s, watchdog 0.1 s", reason
+            r".*program stopped; longest gap between commands ([\d.]+) s, watchdog 0.1 s(: .* too busy)?",
+            reason,
         )
         assert gap is not None, reason
         assert float(gap[1]) >= 0.099
+        assert gap[2] or float(gap[1]) <= 0.1
         count = stand_in.arm.commands
         for _ in range(20):
             arm.command(SPEEDS)

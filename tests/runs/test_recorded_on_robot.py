@@ -94,6 +94,12 @@ def test_a_replay_is_equal_bit_by_bit(recording):
     assert (found.cut, found.dropped, found.left) == (False, 0, 0)
 
 
+def test_its_timeline_is_the_run_and_does_not_begin_at_the_zero_of_the_clock(recording):
+    times = [e.time for e in RecordedRun(recording) if hasattr(e, "topic")]
+    first = min(m.header.stamp.seconds for m in messages(recording, topics.IMAGE))
+    assert times[0] > first - 60.0 > 0.0
+
+
 def test_everything_that_passed_is_in_it(recording):
     entries = list(RecordedRun(recording))
     names = {e.name for e in entries if isinstance(e, Attachment)}

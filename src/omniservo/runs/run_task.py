@@ -90,7 +90,8 @@ def run_task(
         told = None if recording is None else JobRecording(recording)
         try:
             if told is not None:
-                told.begin(task, goal, cell.scene, chosen.name, seed)
+                now = 0.0 if cell.clock is None else cell.clock()
+                told.begin(task, goal, cell.scene, chosen.name, seed, time=now)
                 cell = RecordedCell(cell, told)
             result = _run_in(cell, task, chosen, goal, seed, (filmed, told), progress)
         except BaseException as error:

@@ -273,7 +273,8 @@ class RtdeArm:
             if self._number <= 0:
                 return str(self._says)
             gap = max(self._longest_gap, now - self._written)
-        return f"{self._says}; longest gap between commands {gap:.3f} s, watchdog {self._watchdog:g} s"
+        busy = ": this computer was too busy" if gap > self._watchdog else ""
+        return f"{self._says}; longest gap between commands {gap:.3f} s, watchdog {self._watchdog:g} s{busy}"
 
     def _send_program(self) -> None:
         """Let the controller run our program, unless the arm cannot move or another program runs."""
