@@ -29,8 +29,11 @@ BESIDE_OTHERS = {
         ("uncertainty", "own"), ("uncertainty", "pixel_sigma"),
     },
     "robot_poses": {("base_T_flange", 0, "image")},
+    "task": {("units",), ("units", "length")},
 }  # fmt: skip
-"""What must be as long as other lists, or stand where it stands in others: no JSON schema can say that."""
+"""What must be as long as other lists, stand where it stands in others, or makes 90 mm a mount of 90 m: no JSON
+schema can say that.
+"""
 
 AS_TEXT = {("plan", name) for name in ("name", "unit", "constraint", "method", "reason")}
 """What the reader of a plan takes as text, whatever it is."""
