@@ -31,8 +31,8 @@ BESIDE_OTHERS = {
     "robot_poses": {("base_T_flange", 0, "image")},
     "task": {("units",), ("units", "length")},
 }  # fmt: skip
-"""What must be as long as other lists, stand where it stands in others, or makes 90 mm a mount of 90 m: no JSON
-schema can say that.
+"""What must be as long as other lists, or stand where it stands in others, or makes a mount of 90 mm one of
+90 m: no JSON schema can say that.
 """
 
 AS_TEXT = {("plan", name) for name in ("name", "unit", "constraint", "method", "reason")}
