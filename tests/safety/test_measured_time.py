@@ -8,6 +8,7 @@ import pytest
 from omniservo.errors import ClockFault, InputError, NotInControl, ProtectiveStop, ServoStop, StaleJoints
 from omniservo.robots import ArmMode
 from omniservo.safety import SafetyOptions, Supervisor
+from omniservo.safety.motion_history import Sent
 from omniservo.safety.supervisor import TICK
 
 SLOW = np.array([0.15, -0.1, 0.12, 0.2, -0.15, 0.25])
@@ -52,6 +53,34 @@ def test_a_process_that_slept_while_it_braked_does_not_go_on_braking_from_where_
     written.advance = lambda duration: advance(duration + (0.5 if len(written.commands) > count else 0.0))
     supervisor.stop()
     assert (len(written.commands), written.stops) == (count + 1, 1)
+
+
+def test_the_history_is_told_when_each_command_was_sent_and_not_when_the_arm_has_taken_it(on_clock, written):
+    supervisor, read = on_clock(), written.read
+    taking, command, stop = 0.003, written.command, written.stop
+    sending = []
+
+    def slowly(send):
+        def sent(*velocities):
+            sending.append(written.robot.time)
+            send(*velocities)
+            written.advance(taking)
+
+        return sent
+
+    def old():  # the readings, too, have another time
+        state = read()
+        written.advance(0.001)
+        return state
+
+    written.read, written.command, written.stop = old, slowly(command), slowly(stop)
+    supervisor.history.told = (news := []).append
+    supervisor.command(SLOW)
+    supervisor.wait(0.1)
+    supervisor.stop()
+    told = [one.time for one in news if isinstance(one, Sent)]
+    assert len(told) > 10
+    assert told == sending
 
 
 def test_durations_are_measured_and_not_counted(on_clock, written):
