@@ -82,7 +82,9 @@ def test_every_command_has_json_quiet_and_help(name):
     assert {"--json", "--quiet"} <= options
     assert LEAVES[name].help
     for parameter in LEAVES[name].params:
-        assert parameter.param_type_name == "argument" or getattr(parameter, "help", None) or parameter.hidden
+        said = getattr(parameter, "help", None) or ""
+        assert parameter.param_type_name == "argument" or said or parameter.hidden
+        assert "[" not in said  # it would be taken for a style, and not be shown
 
 
 def test_every_command_is_called_here_or_elsewhere():

@@ -165,6 +165,10 @@ def test_an_error_of_the_mount_stands_in_all_displacements_of_an_arm():
         flanges, mount, position_sigma=1e-4, rotation_sigma=1e-4, mount_covariance=spread
     )
     assert_allclose(known.first_T_second[2].as_matrix(), scene.poses[3].as_matrix(), atol=1e-9)
+    with pytest.raises(InputError, match="mount_covariance: a symmetric matrix"):
+        KnownDisplacements.of_poses(
+            flanges, mount, position_sigma=1e-4, rotation_sigma=1e-4, mount_covariance=-spread
+        )
     shifts = []
     for _ in range(400):
         wrong = moved(mount, rng.normal(size=6) * np.sqrt(np.diag(spread)))

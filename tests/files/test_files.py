@@ -67,9 +67,9 @@ def test_an_existing_file_is_replaced_only_by_force(tmp_path):
 
 def test_an_interrupted_folder_leaves_nothing_and_keeps_the_old_one(tmp_path):
     folder = tmp_path / "out"
-    with whole_folder(folder) as work:
+    with whole_folder(folder, "a") as work:
         (work / "a").write_text("old")
-    with pytest.raises(KeyboardInterrupt), whole_folder(folder, force=True) as work:
+    with pytest.raises(KeyboardInterrupt), whole_folder(folder, "a", force=True) as work:
         (work / "a").write_text("new")
         raise KeyboardInterrupt
     assert (folder / "a").read_text() == "old"
@@ -95,7 +95,7 @@ def test_a_disk_that_gets_full_costs_only_what_did_not_fit(tmp_path):
         from omniservo.files import whole_folder, write_whole
         for _ in range(2):
             try:
-                with whole_folder(Path(sys.argv[1]) / "out") as work:
+                with whole_folder(Path(sys.argv[1]) / "out", "known") as work:
                     write_whole(work / "metrics.json", "{}")
                     write_whole(work / "film.gif", b"0" * 100_000)
                     write_whole(work / "report.html", "never reached")
@@ -117,14 +117,14 @@ def test_a_disk_that_gets_full_costs_only_what_did_not_fit(tmp_path):
 
 def test_a_disk_without_the_room_is_refused_before_the_work(tmp_path):
     with pytest.raises(InputError, match=r"MiB are free there; about 1099511627776 are"):  # noqa: SIM117
-        with whole_folder(tmp_path / "new" / "out", room=2**60):
+        with whole_folder(tmp_path / "new" / "out", "known", room=2**60):
             pytest.fail("the work began")
     assert not list(tmp_path.iterdir())
 
 
 def test_a_folder_that_appeared_during_the_work_is_not_replaced(tmp_path):
     with pytest.raises(InputError, match="exists by now; what was .* is kept in .*out.incomplete"):  # noqa: SIM117
-        with whole_folder(tmp_path / "out") as work:
+        with whole_folder(tmp_path / "out", "known") as work:
             (work / "mine").write_text("new")
             (tmp_path / "out").mkdir()
             (tmp_path / "out" / "theirs").write_text("old")
@@ -140,11 +140,24 @@ def test_the_folder_that_one_works_in_is_never_replaced(named, tmp_path, monkeyp
     monkeypatch.chdir(work)
     with (
         pytest.raises(InputError, match="holds the folder that this is run in"),
-        whole_folder(named, force=True),
+        whole_folder(named, "known", force=True),
     ):
         pass
     assert (work / "precious.txt").read_text() == "mine"
     assert [p.name for p in tmp_path.rglob("*")] == ["work", "precious.txt"]
+
+
+def test_a_folder_of_other_things_is_not_replaced_by_results_before_any_work(tmp_path):
+    folder = tmp_path / "mine"
+    folder.mkdir()
+    with whole_folder(folder, "metrics.json", force=True) as work:  # an empty one is
+        (work / "task.yaml").write_text("mine")
+    with (
+        pytest.raises(InputError, match=r"holds other files, and no metrics\.json"),
+        whole_folder(folder, "metrics.json", force=True),
+    ):
+        pytest.fail("the work began")
+    assert (folder / "task.yaml").read_text() == "mine"
 
 
 def test_what_is_no_file_is_not_replaced_by_one(tmp_path):
@@ -196,7 +209,7 @@ def test_a_folder_behind_a_link_is_replaced_and_the_link_stays(tmp_path):
     (tmp_path / "first").mkdir()
     (tmp_path / "first" / "old").write_text("old")
     (tmp_path / "latest").symlink_to("first")
-    with whole_folder(tmp_path / "latest", force=True) as work:
+    with whole_folder(tmp_path / "latest", "old", force=True) as work:
         (work / "fresh").write_text("fresh")
     assert [p.name for p in (tmp_path / "first").iterdir()] == ["fresh"]
     assert (tmp_path / "latest").is_symlink()

@@ -14,7 +14,7 @@ from omniservo.tasks import load_task
 
 def task_with_joints(folder, joints):
     fields = yaml.safe_load((resources.files("omniservo.tasks") / "shipped" / "ur5e-table.yaml").read_text())
-    fields.pop("units", None)
+    fields["units"] = {"length": "mm"}
     fields["start"] = {"joints": joints}
     file = folder / "task.yaml"
     file.write_text(yaml.safe_dump(fields))

@@ -1,5 +1,7 @@
 """Cameras by their URI: folders, videos, streams by OpenCV, and what there is not."""
 
+import subprocess
+import sys
 import time
 
 import cv2
@@ -135,6 +137,19 @@ def test_what_there_is_not_is_one_message(uri, words, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(InputError, match=words):
         open_camera(uri, patience=2.0)
+
+
+def test_opencv_and_ffmpeg_write_nothing_about_a_stream_that_is_not_there():
+    script = """
+from omniservo.errors import InputError
+from omniservo.hardware.camera_sources import open_camera
+try:
+    open_camera("rtsp://127.0.0.1:1/x", patience=2.0)
+except InputError as error:
+    print(error)
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert (done.stdout[:40], done.stderr) == ("rtsp://127.0.0.1:1/x: cannot be opened: ", "")
 
 
 def test_a_folder_without_images_or_stamps_and_a_file_that_is_no_video_are_refused(tmp_path):

@@ -86,6 +86,11 @@ def test_other_joints_are_refused_and_the_arms_are_listed(names):
         RtdeArm("127.0.0.1:1", names)
 
 
+def test_a_joint_that_the_arm_has_not_is_named_alone():
+    with pytest.raises(InputError, match=r"^joint_names wrist_4_joint: this arm has .*robot file's joints"):
+        RtdeArm("127.0.0.1:1", [*UR_JOINTS[:5], "wrist_4_joint"])
+
+
 def test_commands_are_echoed_in_their_order_and_move_the_arm(stand_in, arm):
     arm.command(np.zeros(6))
     wait_for(lambda: arm.commands_acted_on == 1)
@@ -111,10 +116,12 @@ def test_silence_while_moving_stops_the_arm_for_good(stand_in):
         assert np.array_equal(stand_in.arm.speeds, np.zeros(6))
         reason = arm.read().mode_reason
         gap = re.fullmatch(
-            r".*program stopped; longest gap between commands ([\d.]+) s, watchdog 0.1 s", reason
+            r".*program stopped; longest gap between commands ([\d.]+) s, watchdog 0.1 s(: .* too busy)?",
+            reason,
         )
         assert gap is not None, reason
         assert float(gap[1]) >= 0.099
+        assert gap[2] or float(gap[1]) <= 0.1
         count = stand_in.arm.commands
         for _ in range(20):
             arm.command(SPEEDS)

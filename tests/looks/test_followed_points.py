@@ -77,3 +77,13 @@ def test_the_points_shown_at_both_ends_keep_the_margin_and_what_a_conversion_lea
     left = np.minimum(u + 0.5, unified.width - 0.5 - u).min(axis=0) - margin
     assert (left[shown] > 0.0).all()
     assert (left[~shown] < 4.0).all(), "but for what the polygon of a distorted camera leaves out"
+
+
+def test_no_point_is_followed_twice_where_the_image_shows_several_at_one_place_or_some_nowhere(many):
+    initial, estimate = many
+    crowded = np.tile(initial[20:30], (15, 1))
+    some = np.where((np.arange(150) % 7 == 0)[:, None], np.nan, initial)
+    for pixels in (crowded, some):
+        chosen = followed_points(estimate, pixels)
+        assert len(np.unique(chosen)) == MOST_POINTS
+    assert np.isfinite(some[chosen]).all()

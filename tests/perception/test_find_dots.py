@@ -232,3 +232,9 @@ def test_a_picture_smaller_than_any_dot_has_none():
 def test_options_out_of_range_are_refused(bad):
     with pytest.raises(InputError, match=next(iter(bad))):
         DotOptions(**bad)
+
+
+def test_masked_pixels_of_an_image_are_refused_and_not_looked_at():
+    image = np.ma.array(np.full((60, 80), 200, np.uint8), mask=np.zeros((60, 80), bool))
+    with pytest.raises(InputError, match="image: a masked array given; legal: all pixels, and a camera with"):
+        find_dots(image)

@@ -1,6 +1,7 @@
 """Matching two views without being told which dot is which."""
 
 import importlib.util
+from itertools import combinations
 from pathlib import Path
 
 import dot_scenes
@@ -11,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from omniservo.errors import InputError
 from omniservo.perception import FoundDots, find_dots, match_dots
+from omniservo.perception.match_dots import _exchanges
 
 CAMERA = dot_scenes.paper_camera()
 
@@ -208,3 +210,17 @@ def test_wrong_calls_are_refused():
     broken = FoundDots(np.full((9, 2), np.nan), view.area_px, view.covariance)
     with pytest.raises(InputError, match="dots_b.pixels"):
         match_dots(CAMERA, view, broken)
+
+
+def test_all_exchanges_of_two_partners_are_tried_a_dot_at_a_time():
+    partner = np.array([3, -1, 0, 2, 5])
+    blocks = [rows for rows, _ in _exchanges(partner, np.zeros(12))]
+    known = [0, 2, 3, 4]
+    expected = []
+    for a, b in combinations(known, 2):
+        row = partner.copy()
+        row[[a, b]] = row[[b, a]]
+        expected.append(row)
+    np.testing.assert_array_equal(np.concatenate(blocks), expected)
+    first, motions = next(_exchanges(np.arange(1000), np.zeros(12)))
+    assert first.nbytes + motions.nbytes < 10e6  # of a thousand dots all at once have 4 GB

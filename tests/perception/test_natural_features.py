@@ -20,7 +20,14 @@ from textured_scenes import (
 
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
-from omniservo.perception import ImagePoints, NaturalKind, find_features, match_features, match_images
+from omniservo.perception import (
+    Features,
+    ImagePoints,
+    NaturalKind,
+    find_features,
+    match_features,
+    match_images,
+)
 from omniservo.perception.guided_matches import LEAST_GUIDES, guided_matches
 from omniservo.perception.match_features import FeatureMatch
 from omniservo.perception.refine_matches import refine_matches
@@ -226,3 +233,13 @@ def test_motion_blur_costs_pairs_and_not_their_truth(scene):
 def test_what_is_no_picture_of_the_camera_is_refused(image):
     with pytest.raises(InputError, match="image"):
         find_features(image, CAMERA)
+
+
+def test_features_and_matches_keep_their_own_numbers():
+    descriptors, pairs = np.full((2, 128), 1e-2, np.float32), np.array([[0, 1]])
+    points = ImagePoints(np.zeros((2, 2)), np.tile(np.eye(2), (2, 1, 1)))
+    found = Features(points, descriptors, np.ones(2), np.eye(3)[:2], np.eye(3)[1:])
+    match = FeatureMatch(pairs, "ok", "one pair")
+    descriptors[:], pairs[:] = 7.0, 7
+    assert (found.descriptors == np.float32(1e-2)).all()
+    assert match.pairs.tolist() == [[0, 1]]

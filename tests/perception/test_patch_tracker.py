@@ -123,3 +123,19 @@ def test_wrong_arguments_are_named(scene):
         PatchTracker(CAMERA, images[0.0], initial).update(images[0.0], initial[:3])
     with pytest.raises(InputError, match="image"):
         PatchTracker(CAMERA, images[0.0], initial).update(images[0.0][:-1], initial)
+
+
+def test_a_single_point_at_the_rim_of_the_lens_is_lost(scene):
+    _, images, initial, _ = scene
+    rim, _ = CAMERA.project(np.array([[np.sin(a := CAMERA.max_angle - 1e-6), 0.0, np.cos(a)]]))
+    pixels, valid = PatchTracker(CAMERA, images[0.0], initial[:1]).update(images[0.0], rim)
+    assert np.isnan(pixels).all()
+    assert not valid.any()
+
+
+def test_no_points_are_followed_to_none(scene):
+    pixels, valid = PatchTracker(CAMERA, scene[1][0.0], np.empty((0, 2))).update(
+        scene[1][0.3], np.empty((0, 2))
+    )
+    assert pixels.shape == (0, 2)
+    assert valid.shape == (0,)

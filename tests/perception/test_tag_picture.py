@@ -78,3 +78,11 @@ def test_points_that_are_none_are_refused():
         ImagePoints(two, np.stack([np.eye(2)] * 2), [3, 3])
     with pytest.raises(InputError, match="ids"):
         ImagePoints(two, np.stack([np.eye(2)] * 2), [0.5, 1.0])
+
+
+@pytest.mark.parametrize("scale", [0, -3, 2.5, np.nan, 1001])
+def test_corners_are_those_of_a_picture_that_there_is(scale):
+    for made in (lambda: tag_picture("tag36h11", 7, pixels_per_cell=scale),
+                 lambda: tag_picture_corners("tag36h11", pixels_per_cell=scale)):  # fmt: skip
+        with pytest.raises(InputError, match="pixels_per_cell"):
+            made()

@@ -5,6 +5,7 @@ import pytest
 import tag_scenes
 from tag_scenes import facing, render, true_pixels
 
+from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
 from omniservo.perception import TagTracker, find_tags
 
@@ -128,3 +129,15 @@ def test_wrong_calls_are_refused():
         tracker().update(IMAGE, TRUE[:7])
     with pytest.raises(InputError, match="image"):
         tracker().update(np.zeros((3, 3), np.uint8), TRUE)
+
+
+@pytest.mark.parametrize("corner", range(4))
+def test_through_a_lens_without_an_end_a_corner_without_prediction_loses_its_tag(corner):
+    camera = UnifiedCamera(400.0, 400.0, 319.5, 239.5, 0.0, 640, 480)
+    image = render(camera, [facing("tag36h11", 5, [0.0, 0.0, 1.0], 1.0, 0.3)])
+    predicted = find_tags(image, camera).corners[0]
+    assert TagTracker(camera, "tag36h11", (5,)).update(image, predicted)[1].all()
+    predicted[corner] = np.nan
+    pixels, valid = TagTracker(camera, "tag36h11", (5,)).update(image, predicted)
+    assert not valid.any()
+    assert np.isnan(pixels).all()

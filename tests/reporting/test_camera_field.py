@@ -80,3 +80,27 @@ def test_part_past_a_right_angle_is_that_of_all_pixels(name):
     seen = valid & camera.in_image(pixels)
     assert past_right_angle(camera) == pytest.approx((rays[seen][:, 2] <= 0).mean(), abs=0.01)
     assert (past_right_angle(camera) > 0.02) == (name in ("fisheye", "mirror", "masked"))
+
+
+@pytest.mark.parametrize(
+    "camera",
+    [
+        UnifiedCamera(300, 300, 319.5, 239.5, 0.8, 640, 480, dead_zone=((320, 240), 900)),
+        UnifiedCamera(300, 300, 5000, 239.5, 0.8, 640, 480, max_angle=1.0),
+    ],
+    ids=["a dead zone over all", "beside its lens"],
+)
+def test_a_camera_that_sees_nothing_is_drawn_all_the_same(camera):
+    assert past_right_angle(camera) == 0.0
+    field, density = draw_field(camera, camera)
+    assert not np.isfinite(field.figure.axes[0].collections[0].get_array().filled(np.nan)).any()
+    assert density.name == "camera-density"
+    assert "UnifiedCamera" in camera._repr_html_()
+
+
+@pytest.mark.parametrize("size", [(1, 3000), (3000, 1)])
+def test_a_figure_of_an_image_a_pixel_wide_is_no_larger_than_a_page(size):
+    camera = UnifiedCamera(100.0, 100.0, 0.5 * size[0] - 0.5, 0.5 * size[1] - 0.5, 0.8, *size)
+    for drawing in draw_field(camera, camera):
+        width, height = drawing.figure.get_size_inches()
+        assert 0.1 * width < height <= 4.0 * width < 40.0

@@ -11,7 +11,7 @@ from omniservo.cameras import UnifiedCamera
 from omniservo.reporting.curves import executed_curve, planned_curve
 from omniservo.reporting.image_distance import image_distance
 from omniservo.reporting.margins import certified_clearance, certified_visibility
-from omniservo.reporting.robot_motion import robot_position
+from omniservo.reporting.robot_motion import continuous, robot_position
 from omniservo.reporting.space import box_faces, cut_faces, cut_hull, space_of
 from omniservo.reporting.upright_axes import UprightAxes
 
@@ -162,3 +162,16 @@ def test_path_and_target_fill_the_figure_of_space_however_long_obstacles_are(mad
     for part in (*(f for faces in space.bodies for f in faces), *(r.outline for r in space.keep_out)):
         assert (part >= space.view[0] - 1e-6).all()
         assert (part <= space.view[1] + 1e-6).all()
+
+
+def test_a_rotation_has_no_jump_where_it_passes_half_a_turn():
+    angle = np.linspace(0.0, 2.5 * np.pi, 300)
+    for axis in ([0.6, 0.0, 0.8], [0.0, 0.0, -1.0]):
+        vectors = angle[:, None] * axis
+        wrapped = Rotation.from_rotvec(vectors).as_rotvec()
+        assert np.abs(np.diff(wrapped, axis=0)).max() > 3.0
+        np.testing.assert_allclose(continuous(wrapped), vectors, atol=1e-9)
+    there_and_back = np.concatenate([vectors, vectors[::-1]])
+    found = continuous(Rotation.from_rotvec(there_and_back).as_rotvec())
+    np.testing.assert_allclose(found, there_and_back, atol=1e-9)
+    assert continuous(np.zeros((0, 3))).shape == (0, 3)

@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 from tests.cli.test_command_line import problem
@@ -65,6 +66,16 @@ def test_a_plan_shows_its_status_and_what_is_least(plan):
     assert said["clearance"] == "28.00 mm"
     assert said["tightest"].startswith("clearance obstacle 0")
     assert image_of(html).std() > 3.0
+
+
+def test_a_long_reason_stands_whole_over_a_plan_s_figure(plan):
+    reason = "what would help: " + "; or ".join(["a calibration from more pictures"] * 8)
+    figure = replace(plan, status="not_found", path=None, certificate=None, reason=reason).plot()
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    title = figure._suptitle
+    assert " ".join(title.get_text().split("\n")) == f"not_found: {reason}"
+    assert title.get_window_extent().x1 < figure.bbox.x1
 
 
 def test_a_run_shows_its_path_and_how_it_ended(run):

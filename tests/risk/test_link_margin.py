@@ -295,6 +295,9 @@ def test_wrong_covariance_risk_and_tube_are_named(planned):
     problem, setting, _ = planned
     with pytest.raises(InputError, match="covariance"):
         plan_links_at_risk(problem, setting, 0.05, mount_covariance=np.full((6, 6), np.nan))
+    for none in (-COVARIANCE, COVARIANCE + 1e-7 * np.eye(6, k=1)):
+        with pytest.raises(InputError, match="mount_covariance: a symmetric matrix"):
+            plan_links_at_risk(problem, setting, 0.05, mount_covariance=none)
     with pytest.raises(InputError, match="risk"):
         plan_links_at_risk(problem, setting, 0.0)
     few = Executions(problem, np.stack([problem.points] * 93), np.zeros((93, 0)))

@@ -247,6 +247,21 @@ def test_points_to_follow_are_rows_of_inliers(paper, points):
         plan_with_risk(paper(1), estimated(paper(1)), points=points)
 
 
+@pytest.mark.parametrize("points", [[0], [0, 4, 8], [0, 1, 2, 2], [0, 0, 4, 4], [0, 1, 2, 3, 3]])
+def test_points_to_follow_are_as_many_as_a_servo_needs_and_each_counts_once(paper, points):
+    with pytest.raises(InputError, match="points: .* given; at least 4, each once, are needed"):
+        plan_with_risk(paper(1), estimated(paper(1)), points=points)
+
+
+def test_a_seed_is_a_whole_number_as_for_a_plan(paper):
+    problem = paper(1)
+    estimate = estimated(problem)
+    first, same = (plan_with_risk(problem, estimate, risk=0.05, seed=seed) for seed in (1, 1.0))
+    assert first.predicted == same.predicted
+    with pytest.raises(InputError, match="seed: -1 given"):
+        plan_with_risk(problem, estimate, risk=0.05, seed=-1)
+
+
 def test_the_command_takes_an_estimate_and_reports_the_risk(paper, tmp_path, capsys):
     from omniservo.cli.main import main
 

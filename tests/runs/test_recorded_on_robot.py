@@ -94,6 +94,12 @@ def test_a_replay_is_equal_bit_by_bit(recording):
     assert (found.cut, found.dropped, found.left) == (False, 0, 0)
 
 
+def test_its_timeline_is_the_run_and_does_not_begin_at_the_zero_of_the_clock(recording):
+    times = [e.time for e in RecordedRun(recording) if hasattr(e, "topic")]
+    first = min(m.header.stamp.seconds for m in messages(recording, topics.IMAGE))
+    assert times[0] > first - 60.0 > 0.0
+
+
 def test_everything_that_passed_is_in_it(recording):
     entries = list(RecordedRun(recording))
     names = {e.name for e in entries if isinstance(e, Attachment)}
@@ -243,12 +249,24 @@ def test_a_recording_moves_into_the_folder_or_stays_beside_it(tmp_path):
     with recording_beside(tmp_path / "a", work, left.append) as recording:
         assert Path(recording.unfinished).name == "a.unfinished.mcap"
     assert [p.name for p in work.iterdir()] == ["recording.mcap"]
-    with pytest.raises(KeyboardInterrupt), recording_beside(tmp_path / "a", work, left.append):
+    with pytest.raises(KeyboardInterrupt), recording_beside(tmp_path / "a", work, left.append) as recording:
+        recording.parameters({"task": "none"})
         raise KeyboardInterrupt
     (tmp_path / "a-2.unfinished.mcap").touch()
-    with pytest.raises(InputError, match="no"), recording_beside(tmp_path / "a", work, left.append):
+    with (
+        pytest.raises(InputError, match="no"),
+        recording_beside(tmp_path / "a", work, left.append) as recording,
+    ):
+        recording.parameters({"task": "none"})
         raise InputError("no")
     assert [p.name for p in left] == ["a.mcap", "a-3.mcap"]
+
+
+def test_a_run_that_is_refused_before_anything_is_recorded_leaves_no_recording(tmp_path):
+    left = []
+    with pytest.raises(InputError, match="no"), recording_beside(tmp_path / "a", tmp_path, left.append):
+        raise InputError("no")
+    assert (left, list(tmp_path.iterdir())) == ([], [])
 
 
 @pytest.fixture(scope="module")

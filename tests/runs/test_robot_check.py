@@ -341,6 +341,14 @@ def test_clocks_of_both_lines_are_told(monkeypatch):
     assert found.arm_clock.later == 0.0
 
 
+def test_images_that_come_less_often_than_the_robot_file_counts_on_are_told():
+    slow = robot_check.StreamTimes(rate=11.4, age_median=0.01, age_p99=0.02, jitter=0.001)
+    notice = robot_check.rate_notice(slow, 30.0)
+    assert notice.startswith("images come 11.4 times a second; camera.rate of the robot file counts on 30")
+    assert robot_check.rate_notice(slow, 12.0) is None
+    assert robot_check.rate_notice(None, 30.0) is None
+
+
 def test_a_line_that_became_slower_is_told():
     arm = in_protective_stop()
     arm.clock = ClockMap()

@@ -6,9 +6,10 @@ import pytest
 from tests.cli.calling import call
 from tests.runs.changed_task import PlainCell
 
-from omniservo.errors import InputError, NoSolutionError
+from omniservo.errors import InputError, InvalidData, NoSolutionError
 from omniservo.run_methods import COMPARED, METHODS, run_method, run_methods
 from omniservo.runs import run_into, run_task
+from omniservo.servoing.own_method import OwnMethod
 from omniservo.tasks import load_task
 
 OWN = '''
@@ -32,6 +33,17 @@ class Lying:
     def __init__(self, gain): ...
     def step(self, seen):
         return np.full(6, np.nan if np.linalg.norm(seen.goal_T_camera.translation) > 1e-6 else 0.0)
+
+class Leaving:
+    """Ends the whole process."""
+    def __init__(self, gain): ...
+    def step(self, seen):
+        raise SystemExit(3)
+
+class NotMade:
+    def __init__(self, gain):
+        raise KeyError("weights")
+    def step(self, seen): ...
 
 class WithoutStep:
     def __init__(self, gain): ...
@@ -92,6 +104,7 @@ def test_where_all_refuse_the_first_refusal_is_raised(task, own, tmp_path):
     ("name", "message"),
     [
         ("WithoutStep", "has no step"),
+        ("NotMade", "own.py:31: KeyError: 'weights'"),
         ("without_gain", r"legal: CLASS\(gain\)"),
         ("Missing", "has no class 'Missing'"),
     ],
@@ -99,6 +112,11 @@ def test_where_all_refuse_the_first_refusal_is_raised(task, own, tmp_path):
 def test_what_is_no_method_is_named(task, own, name, message):
     with pytest.raises(InputError, match=message):
         run_task(task, PlainCell, method=f"{own}:{name}", filmed=False)
+
+
+def test_a_method_that_would_end_the_process_is_a_named_stop(own):
+    with pytest.raises(InvalidData, match="own.py:27: SystemExit: 3"):
+        OwnMethod(f"{own}:Leaving", 1.0).step(None)
 
 
 def test_only_a_method_that_replans_is_led_round_a_panel_that_was_moved():

@@ -52,3 +52,5 @@ def test_it_is_no_shorter_than_its_least_duration_and_something_has_to_move():
     assert still(1.0)[0] == pytest.approx(0.5)
     with pytest.raises(InputError, match="pace"):
         EvenPaceLaw(lambda w: np.full_like(w, np.nan), 1.0)
+    with pytest.raises(InputError, match="pace: nothing moves; give a least_duration > 0"):
+        EvenPaceLaw(np.zeros_like, 1.0)

@@ -1,6 +1,7 @@
 """Every servo method: its interaction matrix by finite differences, its way to the goal, what it refuses."""
 
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -25,6 +26,7 @@ from omniservo.servoing import (
     servo_method,
 )
 from omniservo.servoing.rotation_vector import rotation_vector
+from omniservo.servoing.spherical_servo import MOST_TRIANGLES, _triangles
 
 TARGET = np.array(
     [[0.1 * i, 0.08 * k, 0.6 - 0.15 * abs(i) + 0.05 * i * k] for k in (-1, 0, 1) for i in (-1, 0, 1)]
@@ -276,3 +278,19 @@ def test_a_rotation_s_vector_is_scipy_s(angle):
     found = rotation_vector(rotation.as_matrix())
     assert np.linalg.norm(found) <= np.pi + 1e-15
     assert (Rotation.from_rotvec(found).inv() * rotation).magnitude() < 1e-15
+
+
+def test_of_many_points_the_triangles_are_even_ones_and_found_without_listing_all():
+    for count in (2, 3, 9, 10, 25):
+        every = np.array(list(combinations(range(count), 3)), dtype=np.int64).reshape(-1, 3)
+        even = np.linspace(0, len(every) - 1, min(len(every), MOST_TRIANGLES)).round().astype(np.int64)
+        np.testing.assert_array_equal(_triangles(count)[:3].T, every[even])
+    corners = _triangles(5000)[:3]  # there are 2e10
+    assert (np.diff(corners, axis=0) > 0).all()
+    assert corners[:, 0].tolist() == [0, 1, 2]
+    assert corners[:, -1].tolist() == [4997, 4998, 4999]
+
+
+@pytest.mark.parametrize("gain", [np.float32(2.0), np.int64(2), 2])
+def test_a_gain_is_any_number(gain):
+    assert ImageServoOptions(gain=gain).gain == 2.0

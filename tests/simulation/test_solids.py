@@ -77,8 +77,10 @@ def test_the_arm_s_triangles_lie_on_what_its_rays_meet(situation):
     [("sphere", [0.1]), ("capsule", [0.1, 0.2]), ("cylinder", [0.1, 0.2]), ("box", [0.1, 0.2, 0.3]),
      ("ellipsoid", [0.1, 0.2, 0.3])],
 )  # fmt: skip
-def test_triangles_of_a_solid_have_its_extents(kind, size):
-    shape = solid_triangles(kind, np.array(size), None)
+@pytest.mark.parametrize("unit", [1.0, 1e-3, 1e-5], ids=["large", "a tenth of a millimetre", "a micrometre"])
+def test_triangles_of_a_solid_have_its_extents_however_small_it_is(kind, size, unit):
+    shape = solid_triangles(kind, unit * np.array(size), None)
     half = {"sphere": [0.1] * 3, "capsule": [0.1, 0.1, 0.3], "cylinder": [0.1, 0.1, 0.2]}.get(kind, size)
-    assert np.allclose(shape.bounds, [np.negative(half), half], atol=2e-3)
+    assert np.allclose(shape.bounds, unit * np.array([np.negative(half), half]), atol=2e-3 * unit)
     assert shape.is_watertight
+    assert len(shape.faces) == len(solid_triangles(kind, np.array(size), None).faces)

@@ -46,7 +46,7 @@ def digested(path, change):
 
 
 def merged(folders, target):
-    with whole_folder(target) as work:
+    with whole_folder(target, "study.json") as work:
         merge_studies(folders, work)
     return target
 
@@ -102,7 +102,7 @@ def test_merged_shards_are_the_undisturbed_study_to_the_byte_of_its_table(study,
     folders = [tmp_path / f"shard-{k}" for k in (1, 2, 3)]
     for k, folder in enumerate(folders, 1):
         assert not run_study(study, folder, workers=1, shard=Shard(k, 3))
-    with whole_folder(tmp_path / "all") as work:
+    with whole_folder(tmp_path / "all", "study.json") as work:
         found, certificates = merge_studies([*reversed(folders), folders[0]], work)
     assert found.hash == study.hash
     assert certificates == sum(row.certified for row in rows_of(undisturbed)) > 5

@@ -509,6 +509,7 @@ def test_seven_joints_for_an_arm_of_six_are_refused(tmp_path):
     [
         (np.full((5, 6), 1e-6).tolist(), "six rows of six numbers"),
         (np.eye(6, k=1).tolist(), "a symmetric matrix"),
+        ((1e-8 * np.eye(6) + 5e-9 * np.eye(6, k=1)).tolist(), "a symmetric matrix"),
         ((-1e-6 * np.eye(6)).tolist(), "without negative eigenvalues"),
         ((np.inf * np.ones((6, 6))).tolist(), "finite number"),
     ],

@@ -72,6 +72,10 @@ def test_lengths_and_angles_are_in_the_units_that_the_file_states(tmp_path):
             r"arm.foot: where the arm stands",
         ),
         (
+            {"arm": {"model": "ur5e", "flange_T_camera": {"translation": [0.0, 50.0, 30.0]}}},
+            r"arm.flange_T_camera: .*the camera is 58.3095 m from the flange.*units: {length: mm}",
+        ),
+        (
             {"arm": {"model": "ur55"}},
             r"arm.model: 'ur55' is neither a file nor .*did you mean",
         ),

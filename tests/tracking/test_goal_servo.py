@@ -132,7 +132,13 @@ def test_the_twist_is_scaled_as_a_whole_to_the_speed_limits_and_said():
     assert controller.report.limited
 
 
-@pytest.mark.parametrize("twist", [np.full(6, np.nan), np.zeros(5), np.full(6, np.inf)])
+@pytest.mark.parametrize(
+    "twist",
+    [
+        np.full(6, np.nan), np.zeros(5), np.full(6, np.inf), None, "slowly", [1.0, [2.0]], {}, [1j] * 6,
+        np.ma.array(np.ones(6), mask=[1, 0, 0, 0, 0, 0]),
+    ],
+)  # fmt: skip
 def test_a_method_that_gives_no_six_finite_numbers_is_a_named_stop(twist):
     controller = GoalServo(CAMERA, POINTS, seen_from(GOAL), method=Noted(twist), initial_T_goal=GOAL)
     with pytest.raises(NotFinite, match="Noted gives the twist"):
@@ -165,3 +171,20 @@ def test_an_image_that_no_pose_explains_is_a_divergence_or_stays_finite():
 def test_a_wrong_call_is_named(points, pixels, options, message):
     with pytest.raises(InputError, match=message):
         GoalServo(CAMERA, points, pixels, options=GoalServoOptions(**options))
+
+
+def test_what_is_written_to_twist_and_report_changes_nothing_of_the_servo():
+    controller, start = servo(), seen_from(RigidTransform.identity())
+    twist = controller.step(0.0, start, EVERYTHING)
+    expected, error = controller.predict(0.1)[0], controller.report.goal_error_px
+    twist *= 0.0
+    controller.report.pose_matrix[:3, 3] += 1.0
+    controller.report.reference_pixels[:] = 0.0
+    np.testing.assert_array_equal(controller.predict(0.1)[0], expected)
+    controller.step(0.1, start, EVERYTHING)
+    assert controller.report.goal_error_px == pytest.approx(error)
+
+
+def test_a_time_that_is_no_number_is_refused():
+    with pytest.raises(InputError, match="time: nan given"):
+        servo().step(np.nan, seen_from(RigidTransform.identity()), EVERYTHING)

@@ -297,3 +297,33 @@ def test_a_reference_outside_the_camera_domain_is_left_out_of_the_error():
     assert np.isnan(tracker.report.reference_pixels[9]).all()
     assert np.isfinite(tracker.report.reference_pixels[:9]).all()
     assert 0.0 < tracker.report.error_px < 25.0
+
+
+def test_the_same_image_again_makes_no_pose_surer():
+    tracker, noisy = tracker_of(), START + 0.3 * np.random.default_rng(0).standard_normal(START.shape)
+    found = []
+    for _ in range(3):
+        tracker.step(0.0, noisy)
+        found.append((tracker.report.filtered_pose, tracker.report.filtered_covariance))
+    for pose, covariance in found[1:]:
+        np.testing.assert_array_equal(pose, found[0][0])
+        np.testing.assert_array_equal(covariance, found[0][1])
+    tracker.step(1e-3, noisy)
+    assert np.trace(tracker.report.filtered_covariance) < np.trace(found[0][1])
+
+
+def test_what_is_written_to_a_report_changes_nothing_of_the_tracker():
+    tracker = tracker_of()
+    tracker.step(0.0, START)
+    expected = tracker.predict(0.01)[0]
+    tracker.report.filtered_pose[4:] += 0.1
+    tracker.report.filtered_covariance[:] = 0.0
+    np.testing.assert_array_equal(tracker.predict(0.01)[0], expected)
+
+
+def test_masked_pixels_are_refused_and_not_taken_for_seen():
+    masked = np.ma.array(START, mask=np.zeros_like(START, dtype=bool))
+    tracker_of().step(0.0, masked)
+    masked[2] = np.ma.masked
+    with pytest.raises(InputError, match="pixels: 2 masked entries given; mark a lost point in valid"):
+        tracker_of().step(0.0, masked)

@@ -1,27 +1,36 @@
+import asyncio
 import io
 import json
+import threading
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import viser
 from PIL import Image
-from scipy.spatial.transform import RigidTransform
+from scipy.spatial.transform import RigidTransform, Rotation
 from tests.viewer.conftest import PATIENCE, settled
 from websockets.exceptions import ConnectionClosedError
 from websockets.sync.client import connect
 
-from omniservo.errors import OmniservoError
-from omniservo.planning import plan_path
+from omniservo.cameras import preset
+from omniservo.errors import InputError, OmniservoError
+from omniservo.planning import Capsule, PlanningProblem, plan_path
 from omniservo.planning.obstacles.obstacle import KINDS
 from omniservo.verification import verify_plan
 from omniservo.viewer.along_path import curves_of
 from omniservo.viewer.answer import Answer
 from omniservo.viewer.image_tab import ImageTab
 from omniservo.viewer.new_obstacle import new_obstacle
-from omniservo.viewer.open_viewed import Viewed, open_viewed
+from omniservo.viewer.obstacle_tab import ObstacleTab
+from omniservo.viewer.open_viewed import UPRIGHT, Viewed, open_viewed
 from omniservo.viewer.repeating import Repeating
+from omniservo.viewer.serve_page import serve_page
+from omniservo.viewer.situation import Situation
 from omniservo.viewer.status import status_html
+
+POINTS = [[x, y, 0.5] for x in (-0.1, 0.0, 0.1) for y in (-0.1, 0.0, 0.1)]
+TURN = RigidTransform.from_components([0.02, 0.0, 0.01], Rotation.from_rotvec([0.0, 0.0, 0.1]))
 
 
 def test_the_first_answer_is_certified_for_the_whole_arm_by_the_planner(page):
@@ -76,6 +85,123 @@ def test_an_edit_that_is_not_legal_is_refused_in_words_and_the_page_lives_on(pag
     assert "clearance: -1 given" in page.shown.status.content
     page.edit(lambda situation: situation.with_problem(clearance=0.002))
     assert settled(page, number).situation.problem.clearance == 0.002
+
+
+def test_what_is_asked_for_after_a_refused_edit_is_done(page):
+    number, busy, go_on = page.answer.number, threading.Event(), threading.Event()
+
+    def hold(situation):
+        busy.set()
+        assert go_on.wait(PATIENCE)
+
+    page.listeners.append(hold)
+    try:
+        page.replan()
+        assert busy.wait(PATIENCE)  # both edits come while the planner is at work
+        page.edit(lambda situation: situation.with_problem(clearance=-1.0))
+        page.edit(lambda situation: situation.with_problem(clearance=0.002))
+    finally:
+        page.listeners.remove(hold)
+        go_on.set()
+    holds = page.wait_for(lambda answer: answer.situation.problem.clearance == 0.002, PATIENCE)
+    assert holds.number > number
+
+
+def test_the_numbers_of_an_obstacle_are_shown_by_one_thread(page, monkeypatch):
+    (tab,) = (found for each in page.listeners if isinstance(found := each.__self__, ObstacleTab))
+    show, threads = tab._show_numbers, []
+
+    def noted(situation):
+        threads.append(threading.current_thread().name)
+        show(situation)
+
+    monkeypatch.setattr(tab, "_show_numbers", noted)
+    number = page.answer.number
+    page.edit(lambda situation: situation.without(0))
+    settled(page, number)
+    asyncio.run_coroutine_threadsafe(asyncio.sleep(0.0), page.server.get_event_loop()).result(PATIENCE)
+    assert set(threads) == {"planner"}
+
+
+def test_a_page_that_is_closed_leaves_no_one_waiting_for_its_replay(tmp_path):
+    problem = PlanningProblem(preset("fe185"), POINTS, RigidTransform.from_translation([0.05, 0.0, 0.05]))
+    busy, go_on, said = threading.Event(), threading.Event(), []
+
+    def hold(situation):
+        busy.set()
+        assert go_on.wait(PATIENCE)
+
+    def ask():
+        try:
+            page.replay()
+        except InputError as error:
+            said.append(str(error))
+
+    asking = threading.Thread(target=ask, daemon=True)
+    with serve_page(Viewed("still", Situation(problem, UPRIGHT)), port=8340) as page:
+        assert page.settled.wait(PATIENCE)
+        page.listeners.append(hold)
+        page.replan()
+        assert busy.wait(PATIENCE)
+        asking.start()
+        threading.Thread(target=lambda: (page._closed.wait(PATIENCE), go_on.set()), daemon=True).start()
+    asking.join(PATIENCE)
+    assert said == ["the page is closed"]
+
+
+@pytest.mark.parametrize(
+    "goal",
+    [RigidTransform.identity(), RigidTransform.from_rotation(Rotation.from_rotvec([0.0, 0.0, 0.1]))],
+    ids=["no motion", "a turn alone"],
+)
+def test_a_camera_that_stays_in_its_place_is_planned_for_and_shown(goal):
+    viewed = Viewed("still", Situation(PlanningProblem(preset("fe185"), POINTS, goal), UPRIGHT))
+    with serve_page(viewed, port=8350) as page:
+        assert page.settled.wait(PATIENCE)
+        assert page.answer.verdict == "certified"
+        assert "CERTIFIED" in page.shown.status.content
+
+
+def test_nothing_is_moved_while_another_task_takes_the_place_of_what_is_shown(page, monkeypatch):
+    answer, reset, failed, movers = settled(page), page.server.scene.reset, [], []
+
+    def move():
+        try:
+            page.playback._move()
+        except Exception as error:
+            failed.append(error)
+
+    def reset_while_moved():
+        reset()
+        movers.append(threading.Thread(target=move))
+        movers[0].start()
+        movers[0].join(0.2)  # it waits until the new scene is there
+
+    monkeypatch.setattr(page.server.scene, "reset", reset_while_moved)
+    page.open(Viewed("no arm", Situation(PlanningProblem(preset("fe185"), POINTS, TURN), UPRIGHT)))
+    settled(page, answer.number)
+    movers[0].join(PATIENCE)
+    assert not failed
+
+
+def test_what_is_as_small_as_a_grain_is_shown(page):
+    problem = PlanningProblem(
+        preset("fe185"), 0.01 * np.array(POINTS), RigidTransform.from_translation([5e-4, 0.0, 5e-4]),
+        (Capsule([0.003, 0.0, 0.002], [0.003, 0.0, 0.0021], 5e-5),), least_distance=1e-5,
+    )  # fmt: skip
+    number = page.answer.number
+    page.open(Viewed("endoscope", Situation(problem, UPRIGHT)))
+    assert settled(page, number).verdict == "certified"
+
+
+def test_one_servo_goes_on_at_a_time(page):
+    with page._serving, pytest.raises(InputError, match="a servo is going on"):
+        page.servo()
+    page.open(Viewed("no arm", Situation(PlanningProblem(preset("fe185"), POINTS, TURN), UPRIGHT)))
+    settled(page, page.answer.number)
+    for _ in range(2):  # one that is refused is over
+        with pytest.raises(InputError, match="there is no task"):
+            page.servo()
 
 
 def test_an_exception_in_a_callback_is_a_message(page):
@@ -226,7 +352,8 @@ def test_two_images_become_the_goal_and_the_points(page):
     with folder:
         tab = ImageTab(gui, page)
     tab._moved.value = float(np.linalg.norm(stated.initial_T_goal.translation))
-    tab._take("start image", start)
+    tab._take("start image", SimpleNamespace(name="<b onclick='x'>.png", content=start.content))
+    assert "&lt;b onclick=&#x27;x&#x27;&gt;.png is the start image; the goal" in tab._said.content
     assert "the goal image is missing" in tab._said.content
     tab._take("goal image", goal)
     assert f"{len(stated.points)} points" in tab._said.content

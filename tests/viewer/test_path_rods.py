@@ -65,3 +65,15 @@ def test_rods_are_made_anew_only_for_a_path_of_another_length():
         rods.show(scale * straight, GREEN)
         assert len(scene.lengths) == 16 * made
         assert np.isfinite([node.wxyz for node in scene.added.values()]).all()
+
+
+def test_a_path_that_stands_still_has_its_rods_from_the_first():
+    scene = Scene()
+    rods = PathRods(scene, "/path", 0.001, (GREEN, RED))
+    for _ in range(2):
+        rods.show(np.tile([0.1, 0.2, 0.3], (9, 1)), RED)
+        assert len(scene.lengths) == 2 * 16
+    assert scene.added["/path/1"].visible
+    assert np.allclose(
+        [node.position for name, node in scene.added.items() if "/1/" in name], [0.1, 0.2, 0.3]
+    )

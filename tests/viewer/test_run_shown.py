@@ -1,14 +1,17 @@
 """A job in the simulator, watched, and its folder on the page."""
 
 import json
+import re
 
 import numpy as np
 import pytest
 from tests.viewer.conftest import settled
 
+from omniservo.errors import InputError
 from omniservo.runs import run_task
 from omniservo.runs.run_inputs import RunInputs
 from omniservo.tasks import load_task
+from omniservo.viewer.executed_run import read_executed
 from omniservo.viewer.live_servo import WatchedCell
 from omniservo.viewer.open_viewed import open_viewed
 
@@ -66,3 +69,34 @@ def test_a_run_is_played_beside_its_plan(run, page):
     assert np.linalg.norm(place.camera.translation - place.planned.translation) < 5e-3
     playback.run_shown = False
     assert playback.place(answer).planned is None
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "message"),
+    [
+        ("metrics.json", lambda text: text[: len(text) // 2], "metrics.json: line 1: not JSON"),
+        ("metrics.json", lambda text: "[" * 100_000, "metrics.json: nested too deeply"),
+        ("log.csv", lambda text: text + "x" * 200_000, "log.csv: not the log of a run"),
+        ("log.csv", lambda text: text + "1,2\n", "log.csv: not the log of a run"),
+        ("log.csv", lambda text: "\n".join([text.split("\n")[0] + ",more", *text.split("\n")[1:]]),
+         "log.csv: not the log of a run: .* numbers in a row, .* names"),
+        ("log.csv", lambda text: text.replace("joints_5", "elbow"), "log.csv: 5 joints; the task's arm"),
+        ("log.csv", lambda text: re.sub(r"\n[0-9.]+,", "\nnan,", text, count=1), "not finite"),
+    ],
+)  # fmt: skip
+def test_a_run_s_folder_with_a_broken_file_is_refused_by_name(run, tmp_path, name, change, message):
+    folder, viewed = tmp_path, open_viewed(run[0])
+    for file in ("log.csv", "metrics.json"):
+        (folder / file).write_text((run[0] / file).read_text())
+    scene = viewed.situation.arm.scene
+    assert len(read_executed(folder, scene, None).times) == len(viewed.run.times)
+    (folder / name).write_text(change((folder / name).read_text()))
+    with pytest.raises(InputError, match=message):
+        read_executed(folder, scene, None)
+
+
+def test_a_run_that_was_stopped_before_a_step_has_no_motion(run, tmp_path):
+    header = (run[0] / "log.csv").read_text().split("\n")[0]
+    for text in ("", header, header + "\n\n"):
+        (tmp_path / "log.csv").write_text(text)
+        assert read_executed(tmp_path, open_viewed(run[0]).situation.arm.scene, None) is None

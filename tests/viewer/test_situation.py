@@ -1,13 +1,16 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from omniservo.cameras import PRESETS, preset
+from omniservo.cameras import PRESETS, UnifiedCamera, preset
 from omniservo.errors import InputError
 from omniservo.planning import PlanningProblem, Sphere, plan_path
 from omniservo.planning.obstacles.obstacle import KINDS
 from omniservo.tasks import load_task, shipped_tasks
 from omniservo.tasks.save_task import save_task
+from omniservo.viewer.camera_view import drawn_obstacles, with_trajectories
 from omniservo.viewer.edited_task import edited_task
 from omniservo.viewer.field_of_view import field_outline, field_surface
 from omniservo.viewer.new_obstacle import new_obstacle, obstacles_of_file
@@ -194,3 +197,16 @@ def test_a_budget_ends_the_arm_s_search_after_the_start_at_hand_and_else_changes
     assert none.attempts == 1
     with pytest.raises(InputError, match="time_budget"):
         plan_with_arm(problem, setting, time_budget=0.0)
+
+
+def test_a_view_takes_little_memory_however_large_an_image_a_problem_states():
+    wide = UnifiedCamera(4e4, 4e4, 5e4, 5e4, 0.8, 100_000, 100_000)
+    problem = PlanningProblem(wide, [[0, 0, 0.5]], TURN, (Sphere([0.1, 0.0, 0.4], 0.03),))
+    small = replace(problem, camera=UnifiedCamera(384, 384, 479.5, 479.5, 0.8, 960, 960))
+    here = RigidTransform.identity()
+    view, same = (drawn_obstacles(p, here) for p in (problem, small))
+    assert view.shape == same.shape == (960, 960)
+    assert (np.abs(view.astype(int) - same) > 20).mean() < 1e-3  # where it is in such an image
+    assert with_trajectories(view, plan_path(problem), 0.0).shape == (480, 480, 3)
+    narrow = UnifiedCamera(4e4, 4e4, 5e4, 0.0, 0.8, 100_000, 1)
+    assert drawn_obstacles(replace(problem, camera=narrow), here).shape == (1, 960)

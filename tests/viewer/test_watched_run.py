@@ -1,5 +1,6 @@
 """A run of another process on the page, as its recording grows."""
 
+import os
 import shutil
 import threading
 import time
@@ -18,6 +19,7 @@ from omniservo.viewer.camera_view import with_trajectories
 from omniservo.viewer.moment import Moment
 from omniservo.viewer.open_viewed import open_viewed
 from omniservo.viewer.situation import with_xi
+from omniservo.viewer.watched_run import recording_of
 
 
 @pytest.fixture(scope="module")
@@ -92,3 +94,13 @@ def test_a_file_that_is_no_recording_is_refused_by_name(tmp_path):
     (tmp_path / "other.mcap").write_bytes(b"not one of ours")
     with pytest.raises(InputError, match=r"other.mcap: not an MCAP file"):
         open_viewed(tmp_path / "other.mcap")
+
+
+def test_the_recording_of_a_folder_is_its_own_whatever_its_name_means_to_a_search(tmp_path):
+    for name in ("run[1].unfinished.mcap", "other.unfinished.mcap"):
+        (tmp_path / name).touch()
+    assert recording_of(tmp_path / "run[1]").name == "run[1].unfinished.mcap"
+    assert recording_of(tmp_path / "*") is None
+    (tmp_path / "run[1]-ibvs.unfinished.mcap").touch()
+    os.utime(tmp_path / "run[1].unfinished.mcap", (0, 0))
+    assert recording_of(tmp_path / "run[1]").name == "run[1]-ibvs.unfinished.mcap"

@@ -7,7 +7,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from omniservo.cli.live_views import watched, write_images
+from omniservo.cli.live_views import FIRST_IMAGE, watched, write_images
 from omniservo.cli.output import Output
 
 if TYPE_CHECKING:
@@ -41,11 +41,11 @@ def take_views(
         NoSolutionError: too few were kept for a calibration; nothing is written.
     """
     from omniservo.calibration.hand_eye.pose_choice import FEWEST_POSES
-    from omniservo.files import whole_folder, writable, write_whole
+    from omniservo.files import whole_folder, writable_folder, write_whole
     from omniservo.runs.open_hardware import listen_to_arm, open_robot_camera
     from omniservo.runs.watch_camera import ArmViewsOfBoard
 
-    writable(folder, force=force)
+    writable_folder(folder, FIRST_IMAGE, force=force)
     model = robot.loaded_arm()
     with output.working("connecting to arm and camera"):
         arm = listen_to_arm(robot, model, driver)
@@ -53,7 +53,7 @@ def take_views(
         choice = ArmViewsOfBoard(arm, robot.camera.calibration, board)
         watch = watched(camera, choice, output, seconds, FEWEST_POSES)
     poses = [model.base_T_flange(joints) for joints in choice.poses.joints]
-    with whole_folder(folder, force=force) as unfinished:
+    with whole_folder(folder, FIRST_IMAGE, force=force) as unfinished:
         names = write_images(watch, unfinished)
         entries = [
             {

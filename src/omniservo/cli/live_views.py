@@ -25,6 +25,11 @@ if TYPE_CHECKING:
     from omniservo.robots import CameraSource
     from omniservo.runs.watch_camera import Choice, Watch
 
+_IMAGE = "{:03d}.png"
+
+FIRST_IMAGE = _IMAGE.format(0)
+"""in every folder of `write_images`"""
+
 LiveSourceOption = Annotated[
     str | None,
     typer.Option(
@@ -86,16 +91,16 @@ def take_images(
         NoSolutionError: too few were kept for a calibration; nothing is written.
     """
     from omniservo.calibration.view_choice import FEWEST
-    from omniservo.files import whole_folder, writable
+    from omniservo.files import whole_folder, writable_folder
     from omniservo.runs.open_hardware import camera_at
     from omniservo.runs.watch_camera import BoardViews
 
-    writable(folder, force=force)
+    writable_folder(folder, FIRST_IMAGE, force=force)
     with output.working(f"connecting to {source}"):
         camera = camera_at(source)
     with closing(camera):
         watch = watched(camera, BoardViews(board), output, seconds, FEWEST)
-    with whole_folder(folder, force=force) as unfinished:
+    with whole_folder(folder, FIRST_IMAGE, force=force) as unfinished:
         names = write_images(watch, unfinished)
     output.written(folder)
     return [folder / name for name in names]
@@ -128,7 +133,7 @@ def write_images(watch: Watch, folder: Path) -> list[str]:
     """Write the images that were kept, and return their names, which sort as they were taken."""
     from omniservo.files.image_files import write_png
 
-    names = [f"{number:03d}.png" for number in range(len(watch.images))]
+    names = [_IMAGE.format(number) for number in range(len(watch.images))]
     for name, image in zip(names, watch.images, strict=True):
         write_png(image, folder / name)
     return names

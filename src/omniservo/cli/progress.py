@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 import sys
-from contextlib import ExitStack
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
@@ -61,6 +62,8 @@ class Progress:
     def __init__(self, what: str, *, silent: bool, compiles: bool = False) -> None:
         self._what, self._silent, self._compiles = what, silent, compiles
         self._ends: float | None = None
+        self._first: tuple[float, float] | None = None
+        self._waited = 0.0
         self._begin = self._last_line = perf_counter()
         self._watch: CompilerWatch | None = None
         self._bar: Bar | None = None
@@ -110,6 +113,17 @@ class Progress:
             left = _left(self._ends)
             self._line(f"{stage}; {left}" if left else stage)
 
+    @contextmanager
+    def aside(self) -> Iterator[None]:
+        """Leave the terminal to others while the block runs; an answer there takes no time of the job's."""
+        left = perf_counter()
+        if self._bar is not None:
+            self._bar.stop()
+        yield
+        if self._bar is not None:
+            self._bar.start()
+        self._waited += perf_counter() - left
+
     def _listen(self) -> None:
         """Watch the compiler once it is loaded: what never loads it is not made to wait for it."""
         if self._watch is None and "numba" in sys.modules:
@@ -118,14 +132,19 @@ class Progress:
             self._watch = self._entered.enter_context(CompilerWatch(self._compiling))
 
     def _end(self, share: float | None) -> float | None:
-        """Return when it ends if the rest goes as fast as what is behind; None: not known yet."""
-        if share is None or share < _LEAST_SHARE:
+        """Return when it ends if the rest goes as fast as it went since the first share; None: not known."""
+        if share is None:
             return None
-        now = perf_counter()
-        taken = now - self._begin
-        if self._watch is not None and self._watch.compiled and not self._compiles:
-            taken -= self._watch.seconds
-        return now + taken * (1.0 / share - 1.0)
+        worked = self._worked()
+        if self._first is None:
+            self._first = worked, share  # what came before, such as connecting to a robot, tells nothing
+        taken, done = worked - self._first[0], share - self._first[1]
+        return None if done < _LEAST_SHARE else perf_counter() + taken * (1.0 - share) / done
+
+    def _worked(self) -> float:
+        """Return what the job took so far [s], without compiling that is not the job, and without waiting."""
+        compiled = 0.0 if self._watch is None or self._compiles else self._watch.seconds
+        return perf_counter() - self._begin - self._waited - compiled
 
     def _compiling(self, name: str) -> None:
         if self._bar is not None:

@@ -58,7 +58,7 @@ def replay_row(given: Path, own: Sequence[str], out: Path | None, force: bool, o
         result = run_row(study, number, program)
         progress("drawing it")
         target = _folder(study.name, number, force) if out is None else out
-        with whole_folder(target, force=force) as work:
+        with whole_folder(target, "row.json", force=force) as work:
             write_row_report(work, study, result)
     if header is not None and header.version != program.version:
         output.line(f"{folder}: its rows were run by {header.version}; this is {program.version}")

@@ -67,14 +67,15 @@ class Approval:
     """Asks at the terminal before a real arm moves.
 
     Args:
+        progress: stands still meanwhile: what it draws would cover the question.
         yes: everything is agreed to beforehand.
 
     Raises:
         InputError: no one can be required, and nothing was agreed to.
     """
 
-    def __init__(self, *, yes: bool) -> None:
-        self._yes = yes
+    def __init__(self, progress: Progress, *, yes: bool) -> None:
+        self._progress, self._yes = progress, yes
         if not (yes or sys.stdin.isatty()):
             raise InputError("--yes: not given, and nobody is at a terminal who could be asked")
 
@@ -85,9 +86,18 @@ class Approval:
             NoSolutionError: it is not.
         """
         console = Console(stderr=True, highlight=False, emoji=False, soft_wrap=True)
-        console.print(f"about to: {motion}", markup=False)
-        if not (self._yes or Confirm.ask("move the arm?", console=console, default=False)):
+        with self._progress.aside():
+            console.print(f"about to: {motion}", markup=False)
+            agreed = self._yes or _is_agreed(console)
+        if not agreed:
             raise NoSolutionError("the motion was not agreed to; nothing moved")
+
+
+def _is_agreed(console: Console) -> bool:
+    try:
+        return Confirm.ask("move the arm?", console=console, default=False)
+    except EOFError:  # Ctrl-D is no answer
+        return False
 
 
 @dataclass(frozen=True)
@@ -110,9 +120,9 @@ class OnRobot(RobotParts):
             if self.speed is not None:
                 raise InputError("--speed: goes with --on ROBOT.yaml")
 
-    def approval(self) -> Approval | None:
+    def approval(self, progress: Progress) -> Approval | None:
         """Return what asks before a real arm moves; None for the simulator's."""
-        return None if self.on is None else Approval(yes=self.yes)
+        return None if self.on is None else Approval(progress, yes=self.yes)
 
     @contextmanager
     def cell_of(self, task: Task, progress: Progress) -> Iterator[tuple[Task, OpenCell]]:
@@ -121,7 +131,7 @@ class OnRobot(RobotParts):
         Raises:
             InputError, ServoStop: see `open_hardware`; or the robot was not checked.
         """
-        approve = self.approval()
+        approve = self.approval(progress)
         if self.on is None or approve is None:
             from omniservo.simulation import SimulatedCell
 

@@ -37,10 +37,10 @@ def check(
     """
     with output.working("loading") as progress:
         from omniservo.runs.open_hardware import open_robot, open_robot_camera
-        from omniservo.runs.robot_check import check_robot
+        from omniservo.runs.robot_check import check_robot, rate_notice
         from omniservo.runs.robot_records import save_check
 
-        approval = Approval(yes=yes)
+        approval = Approval(progress, yes=yes)
         loaded = parts.load(robot, allow_outside=allow_outside)
         arm = loaded.loaded_arm()
         progress("connecting to arm and camera")
@@ -48,7 +48,8 @@ def check(
         with closing(connection), closing(open_robot_camera(loaded)) as camera:
             progress("listening")
             found = check_robot(loaded, arm, connection, camera, approval)
-            notices = [*getattr(connection, "notices", ()), *filter(None, [camera.notice])]
+            slow = rate_notice(found.images, loaded.camera.rate)
+            notices = [*getattr(connection, "notices", ()), *filter(None, [camera.notice, slow])]
     output.line(f"{'joints':<16} {_spelled(found.joints)}")
     output.line(f"{'images':<16} {'none' if found.images is None else _spelled(found.images)}")
     output.line(f"{'arm clock':<16} {_spelled_clock(found.arm_clock)}")
@@ -95,12 +96,12 @@ def delay(
         from omniservo.runs.robot_records import save_delay
         from omniservo.safety import SafetyOptions
 
-        approval = Approval(yes=yes)
+        approval = Approval(progress, yes=yes)
         loaded = parts.load(robot, speed, allow_outside=allow_outside)
         progress("connecting to arm and camera")
         options = SafetyOptions(image_age=1.0, time_offset=0.5)
         with closing(open_bare(loaded, approval, options, parts.driver)) as cell:
-            progress("swinging two joints")
+            progress("measuring how late images and motions are")
             found = measure_delay(cell, options)
     camera = found.camera
     lag = _spelled_time(found.actuation_lag, found.actuation_sigma)
@@ -129,10 +130,13 @@ def _spelled(times: StreamTimes) -> str:
 def _spelled_clock(clock: LineClock | None) -> str:
     if clock is None:
         return "this machine's, or no stamps"
+    from omniservo.runs.robot_check import SECONDS
+
+    drift = f"{1e6 * clock.drift:+.0f} ± {1e6 * clock.spread / SECONDS:.0f} ppm"  # as late as messages may be
     slower = f", the line slower by {1e3 * clock.later:.0f} ms by now" if clock.later > 0.0 else ""
     return (
-        f"{clock.offset:+.3f} s from the stamps to this machine's time, least delay included, drift "
-        f"{1e6 * clock.drift:+.0f} ppm, spread {1e3 * clock.spread:.1f} ms{slower}"
+        f"{clock.offset:+.3f} s from the stamps to this machine's time, least delay included, drift {drift}, "
+        f"spread {1e3 * clock.spread:.1f} ms{slower}"
     )
 
 

@@ -101,7 +101,7 @@ def run(
     _refuse_early(task, methods, results, robot)
     with output.working("starting") as progress:
         progress("loading")  # no line of its own: a wrong call is one line
-        robot.approval()
+        robot.approval(progress)
         loaded = files.load(task, lens.opened_if_named(camera, largest_px))
         folder, found = _done(loaded, methods, results, robot, progress, output)
     _say(output, folder, found)
@@ -142,10 +142,15 @@ def _done(
     folder = results.out if results.out is not None else _folder(task.name, methods, results.force)
     room = _ROOM * len(methods)
     seed, filmed = results.seed, results.film
+
+    def left(recording: Path) -> None:
+        with progress.aside():
+            output.written(recording)
+
     try:
         with (
             compiling_ahead(),
-            whole_folder(folder, force=results.force, room=room) as work,
+            whole_folder(folder, "metrics.json", force=results.force, room=room) as work,
             robot.cell_of(task, progress) as (begun, open_cell),
         ):
             if robot.on is None or taught is None:
@@ -154,7 +159,7 @@ def _done(
                     goal=taught, seed=seed, filmed=filmed, progress=progress,
                 )  # fmt: skip
             else:
-                with recording_beside(folder, work, output.written) as recording:
+                with recording_beside(folder, work, left) as recording:
                     found = run_recorded_into(
                         work, begun, open_cell, recording, goal=taught, seed=seed, filmed=filmed,
                         progress=progress,

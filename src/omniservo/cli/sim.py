@@ -38,11 +38,11 @@ _SAID_AGAIN = 10.0
 class _Link:
     """What is wrong with the link to the arm, and with its clock."""
 
-    latency: Annotated[float, typer.Option("--latency", min=0, help="Of messages [s].")] = 0.0
-    jitter: Annotated[float, typer.Option("--jitter", min=0, help="Of the latency, either way [s].")] = 0.0
+    latency: Annotated[float, typer.Option("--latency", min=0, help="Of messages, in s.")] = 0.0
+    jitter: Annotated[float, typer.Option("--jitter", min=0, help="Of the latency, either way, in s.")] = 0.0
     loss: Annotated[float, typer.Option("--loss", min=0, max=1, help="Share of messages lost.")] = 0.0
-    clock_offset: Annotated[float, typer.Option("--clock-offset", help="Of its clock [s].")] = 0.0
-    drift: Annotated[float, typer.Option("--drift", help="Of its clock [ppm].")] = 0.0
+    clock_offset: Annotated[float, typer.Option("--clock-offset", help="Of its clock, in s.")] = 0.0
+    drift: Annotated[float, typer.Option("--drift", help="Of its clock, in ppm.")] = 0.0
 
 
 @dataclass(frozen=True)

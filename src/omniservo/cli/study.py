@@ -117,7 +117,7 @@ def merge(
     with output.working("loading") as progress:
         from omniservo.studies import Program, merge_studies
 
-        with whole_folder(out, force=force) as work:
+        with whole_folder(out, "study.json", force=force) as work:
             _, certificates = merge_studies(folders, work, progress)
             done = _finished(work, Program(), progress)
     output.line(f"{certificates} certificates verified again")

@@ -14,6 +14,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from omniservo.errors import InputError, spelled
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, IntArray, finite_array, finite_number
+from omniservo.geometry.covariances import is_covariance
 from omniservo.short_repr import short_repr
 
 STEP = 1e-6
@@ -74,6 +75,8 @@ class KnownDisplacements:
         sigmas += [finite_number("rotation_sigma", rotation_sigma, above=0.0)] * 3
         mount = np.zeros((6, 6)) if mount_covariance is None else mount_covariance
         spread = finite_array("mount_covariance", mount, (6, 6))
+        if not is_covariance(spread):
+            raise InputError("mount_covariance: a symmetric matrix without negative eigenvalues is needed")
         flanges, k = list(base_T_flange), len(rows) - 1
         moves = _moves(flanges, flange_T_camera)
         covariance = np.zeros((6 * k, 6 * k))

@@ -17,7 +17,7 @@ from omniservo.files.documents import (
     stated_units,
 )
 from omniservo.files.python_class import python_class, words_aside
-from omniservo.files.results import exists, unused, whole_folder, writable, write_whole
+from omniservo.files.results import exists, unused, whole_folder, writable, writable_folder, write_whole
 
 __all__ = [
     "MAX_BYTES",
@@ -40,5 +40,6 @@ __all__ = [
     "whole_folder",
     "words_aside",
     "writable",
+    "writable_folder",
     "write_whole",
 ]

@@ -81,27 +81,50 @@ def write_whole(path: str | Path, content: str | bytes, *, force: bool = False) 
         raise
 
 
+def writable_folder(path: str | Path, known_by: str, *, force: bool = False) -> None:
+    """Refuse a folder of results before the work is done, not after it.
+
+    Args:
+        path: of the folder.
+        known_by: a file that every folder of such results has.
+        force: an existing one may be replaced.
+
+    Raises:
+        InputError: the path exists and ``force`` is False, or it is no such folder, or holds the working
+            folder.
+    """
+    folder = Path(path)
+    _replaceable(folder)
+    if not exists(folder):
+        return
+    if not force:
+        raise AlreadyExists(path)
+    if not folder.is_dir():
+        raise InputError(f"{path}: a file; a folder is needed")
+    if any(folder.iterdir()) and not (folder / known_by).exists():
+        raise InputError(
+            f"{path}: holds other files, and no {known_by}; legal with --force: a folder of earlier results"
+        )
+
+
 @contextmanager
-def whole_folder(path: str | Path, *, force: bool = False, room: int = 0) -> Iterator[Path]:
+def whole_folder(path: str | Path, known_by: str, *, force: bool = False, room: int = 0) -> Iterator[Path]:
     """Give an empty temporary folder that becomes ``path`` if the block ends well, and vanishes otherwise.
 
     Where a file in it cannot be written, the whole files that were are kept in ``path``.incomplete.
 
     Args:
         path: of the folder.
+        known_by: a file that the block writes in it; another folder that has none is not replaced.
         force: an existing one may be replaced.
         room: what the block is going to write [bytes].
 
     Raises:
-        InputError: the folder exists and ``force`` is False, it holds the working folder, its parent cannot
-            be written, or the disk has less than ``room`` or gets full.
+        InputError: the folder is not `writable_folder`, its parent cannot be written, or the disk has less
+            than ``room`` or gets full.
     """
+    writable_folder(path, known_by, force=force)
     folder = Path(path)
-    _replaceable(folder)
-    if exists(folder) and not force:
-        raise AlreadyExists(path)
-    if folder.exists() and not folder.is_dir():
-        raise InputError(f"{path}: a file; a folder is needed")
     if folder.is_symlink():
         folder = folder.resolve()
     try:

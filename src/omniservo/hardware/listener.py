@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import socket
 from collections.abc import Callable
 from contextlib import suppress
@@ -25,8 +27,10 @@ class Listener:
     def __init__(self, host: str, port: int, handle: Callable[[socket.socket], None]) -> None:
         try:
             self._socket = socket.create_server((host, port))
-        except OSError as error:
-            raise InputError(f"{host}:{port}: cannot be listened at: {error.strerror or error}") from None
+        except OSError as error:  # whose own words have the address once more
+            code = error.errno or 0
+            why = os.strerror(code) if code in errno.errorcode else error
+            raise InputError(f"{host}:{port}: cannot be listened at: {why}") from None
         self.port: int = self._socket.getsockname()[1]
         """which is listened at"""
         self._handle = handle

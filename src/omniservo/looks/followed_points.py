@@ -44,7 +44,7 @@ def spread_rows(estimate: TwoViewEstimate, pixels: FloatArray, members: IntArray
 
     Args:
         estimate: of the points.
-        pixels: (n, 2) where the image shows them [px].
+        pixels: (n, 2) where the image shows them [px]; NaN: not at all, which come last.
         members: (k,) rows to choose from.
         most: so many are chosen; where there are no more, they are all.
     """
@@ -52,14 +52,18 @@ def spread_rows(estimate: TwoViewEstimate, pixels: FloatArray, members: IntArray
         return members
     spread = np.trace(estimate.points_covariance[members], axis1=1, axis2=2)
     distance = np.linalg.norm(estimate.points[members], axis=1)
-    order = np.argsort(spread / distance**2)
+    hidden = ~np.isfinite(pixels[members]).all(axis=1)
+    order = np.lexsort((spread / distance**2, hidden))
     members = members[order[: max(most, int(WELL_KNOWN * len(members)))]]
-    chosen = [int(members[0])]
-    gaps = np.linalg.norm(pixels[members] - pixels[chosen[0]], axis=1)
+    places = pixels[members]
+    gaps, chosen, last = np.full(len(members), np.inf), [0], 0
     while len(chosen) < most:
-        chosen.append(int(members[np.argmax(gaps)]))
-        gaps = np.minimum(gaps, np.linalg.norm(pixels[members] - pixels[chosen[-1]], axis=1))
-    return np.sort(np.array(chosen))
+        apart = np.linalg.norm(places - places[last], axis=1)
+        gaps = np.minimum(gaps, np.nan_to_num(apart, nan=0.0))
+        gaps[last] = -1.0  # none is chosen twice
+        last = int(np.argmax(gaps))
+        chosen.append(last)
+    return np.sort(members[chosen])
 
 
 def shown_at_ends(problem: PlanningProblem, estimate: TwoViewEstimate) -> BoolArray:

@@ -85,7 +85,7 @@ def make_templates(
         camera, image, frames, np.zeros((n, 2)), pitch[:, None, None] * np.eye(2), grid(half + 1)
     )
     square = values.reshape(n, side + 2, side + 2)
-    grey, norm, weight = square[:, 1:-1, 1:-1].reshape(n, -1), np.empty(n), window(half)
+    grey, norm, weight = square[:, 1:-1, 1:-1].reshape(n, side * side), np.empty(n), window(half)
     normalise(grey, weight, norm)
     steepest, normal = np.empty((n, side * side, 6)), np.empty((n, 6, 6))
     write_templates(square, grid(half), weight, grey, norm, steepest, normal)

@@ -31,7 +31,9 @@ class Features:
     def __post_init__(self) -> None:
         for item in fields(self)[2:]:
             object.__setattr__(self, item.name, owned(getattr(self, item.name)))
-        self.descriptors.setflags(write=False)
+        descriptors = self.descriptors.copy()
+        descriptors.setflags(write=False)
+        object.__setattr__(self, "descriptors", descriptors)
 
     def __len__(self) -> int:
         return len(self.points)

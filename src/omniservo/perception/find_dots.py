@@ -85,7 +85,7 @@ def measure(image: ByteArray, starts: FloatArray, noise: float, options: DotOpti
     """
     rows = np.zeros((len(starts), COLUMNS))
     if len(starts):
-        measure_blobs(image, starts, float(options.max_diameter), rows)
+        measure_blobs(np.ascontiguousarray(image), starts, float(options.max_diameter), rows)
     rows = rows[_is_dot(rows, max(noise, 0.5), options)]
     rows = rows[np.argsort(rows[:, MISFIT], kind="stable")]
     kept: list[int] = []
@@ -134,7 +134,7 @@ def noise_of(image: ByteArray) -> float:
 
 
 def check_image(image: Any, camera: CentralModel | None) -> None:
-    """Raise InputError unless ``image`` is a grey image (height, width) of uint8, of the camera's size."""
+    """Raise InputError unless ``image`` is a grey one (height, width) of uint8, of the camera's size."""
     if not isinstance(image, np.ndarray) or image.dtype != np.uint8 or image.ndim != 2 or image.size == 0:
         given = f"{image.dtype} {image.shape}" if isinstance(image, np.ndarray) else type(image).__name__
         raise InputError(f"image: {given} given; legal: a non-empty uint8 array (height, width)")
@@ -142,6 +142,8 @@ def check_image(image: Any, camera: CentralModel | None) -> None:
         raise InputError(
             f"image: {image.shape[1]}×{image.shape[0]} given; the camera's is {camera.width}×{camera.height}"
         )
+    if isinstance(image, np.ma.MaskedArray):
+        raise InputError("image: a masked array given; legal: all pixels, and a camera with a mask")
 
 
 def neighbourhoods(options: DotOptions) -> tuple[int, int]:

@@ -155,7 +155,7 @@ def _natural_pairs(
             continue
         swapped = counts[b] > counts[a]
         root, other = (b, a) if swapped else (a, b)
-        turned = FeatureMatch(match.pairs[:, ::-1].copy(), match.status, match.reason) if swapped else match
+        turned = FeatureMatch(match.pairs[:, ::-1], match.status, match.reason) if swapped else match
         refined = refine_matches(camera, images[root], images[other], features[root], features[other], turned)
         if refined.status == "ok":
             pairs.append(_Pair(root, other, matched_points(refined)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Literal
@@ -23,6 +24,8 @@ TRIPLES = 10
 MOST_HYPOTHESES = 20_000
 VERIFIED = 40
 """so many of the best hypotheses are verified"""
+RIVALS = 4
+"""so many of one dot's exchanges with the others are kept: any two of them contradict each other"""
 UNMATCHED = 40.0
 """cost of a dot that could have had a partner"""
 GOOD = 4.0
@@ -94,7 +97,8 @@ def match_dots(
     if not len(partners):
         return _refused("no_match", "no rigid motion brings eight dots of the pictures together")
     scored = _scored(view_a, view_b, partners, motions)
-    scored = scored.joined(_scored(view_a, view_b, *_exchanges(scored.partners[0], scored.motions[0])))
+    for exchanged in _exchanges(scored.partners[0], scored.motions[0]):
+        scored = scored.joined(_scored(view_a, view_b, *exchanged).first(RIVALS))
     if not scored.fits()[0]:
         smaller = _without_one(scored.partners[:5], scored.motions[:5])
         if len(smaller[0]):
@@ -114,6 +118,10 @@ class _Scored:
     """(h, 2) epipolar and size part"""
     total: FloatArray
     """(h,) cost with what unmatched dots cost"""
+
+    def first(self, count: int) -> _Scored:
+        """So many of the best."""
+        return _Scored(self.partners[:count], self.motions[:count], self.costs[:count], self.total[:count])
 
     def joined(self, other: _Scored) -> _Scored:
         """Both, best first."""
@@ -203,14 +211,17 @@ def _scored(view_a: _View, view_b: _View, partners: IntArray, motions: FloatArra
     return _Scored(partners[order], motions[order], costs[order], total[order])
 
 
-def _exchanges(partner: IntArray, motion: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Every exchange of two partners of one hypothesis: what two dots close to each other invite."""
+def _exchanges(partner: IntArray, motion: FloatArray) -> Iterator[tuple[IntArray, FloatArray]]:
+    """Yield every exchange of two partners of one hypothesis: what two dots close to each other invite.
+
+    Of n dots there are n²/2, a row of n each: those of one dot at a time need little memory.
+    """
     known = np.flatnonzero(partner >= 0)
-    swaps = list(combinations(known, 2))
-    rows = np.tile(partner, (len(swaps), 1))
-    for row, (i, k) in zip(rows, swaps, strict=True):
-        row[[i, k]] = row[[k, i]]
-    return rows, np.tile(motion, (len(swaps), 1))
+    for first, i in enumerate(known[:-1], start=1):
+        rows = np.tile(partner, (len(known) - first, 1))
+        for row, k in zip(rows, known[first:], strict=True):
+            row[[i, k]] = row[[k, i]]
+        yield rows, np.tile(motion, (len(rows), 1))
 
 
 def _without_one(partners: IntArray, motions: FloatArray) -> tuple[IntArray, FloatArray]:

@@ -43,7 +43,9 @@ class FeatureMatch:
     """one sentence"""
 
     def __post_init__(self) -> None:
-        self.pairs.setflags(write=False)
+        pairs = np.array(self.pairs)
+        pairs.setflags(write=False)
+        object.__setattr__(self, "pairs", pairs)
 
 
 def match_features(initial: Features, goal: Features) -> FeatureMatch:

@@ -45,7 +45,7 @@ class PatchReference:
         seen &= np.isfinite(size) & (size > 0.0)
         self._camera = camera
         self._templates = make_templates(
-            camera, image.astype(np.float32), frames, 1.0 / np.where(seen, size, 1.0), HALF
+            camera, image.astype(np.float32, order="C"), frames, 1.0 / np.where(seen, size, 1.0), HALF
         )
         self.whole: BoolArray = self._templates.whole & seen
         """(n,) the image shows the whole patch, and it is not flat"""
@@ -105,14 +105,15 @@ class PatchReference:
         # over the gate the lens is nearly affine: near enough for a whole sample
         linear = frames.jacobians(self._camera) @ maps
         pixels = self._camera.project(frames.bearings)[0]
-        size = np.sqrt(np.abs(np.linalg.det(linear)))
-        reach = int(np.clip(np.ceil(gate_px / np.nanmedian(size)), 2, 40))
-        side, patch = 2 * (reach + HALF) + 1, 2 * HALF + 1
+        inside = np.flatnonzero(np.isfinite(linear).all((1, 2)))
         offsets, peaks = np.zeros((len(maps), 2)), np.full(len(maps), -1.0)
+        if not len(inside):  # all of them are at the rim of the lens
+            return offsets, peaks
+        size = np.sqrt(np.abs(np.linalg.det(linear[inside])))
+        reach = int(np.clip(np.ceil(gate_px / np.median(size)), 2, 40))
+        side, patch = 2 * (reach + HALF) + 1, 2 * HALF + 1
         patches = self._templates.grey[rows].astype(np.float32).reshape(-1, patch, patch)
-        for i in range(len(maps)):
-            if not np.isfinite(linear[i]).all():
-                continue
+        for i in inside:
             to_image = np.column_stack([linear[i], pixels[i] - linear[i] @ (reach + HALF, reach + HALF)])
             window = cv2.warpAffine(
                 image, to_image, (side, side), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,

@@ -88,7 +88,7 @@ class PatchTracker:
             wanted = f"({len(self.trackable)}, 2)"
             raise InputError(f"predicted_pixels: shape {predicted.shape} given; {wanted} is needed")
         bearings = self.camera.unproject(predicted)[0]
-        source = image.astype(np.float32)
+        source = image.astype(np.float32, order="C")
         peaks = np.stack([r.seek(source, bearings, self.gate_px) for r in self._references])
         best = np.where(peaks.max(axis=0) > 0.0, peaks.argmax(axis=0), -1)
         found, score = np.full((len(predicted), 3), np.nan), np.full(len(predicted), -1.0)

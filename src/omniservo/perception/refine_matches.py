@@ -103,9 +103,9 @@ def refine_matches(
     ratio = size_goal / size
     pixel, pixel_goal = size / initial.scale[match.pairs[:, 0]], size_goal / goal.scale[match.pairs[:, 1]]
     pitch = np.maximum(np.maximum(pixel, pixel_goal / ratio), 0.5 * size)
-    templates = make_templates(camera, image_initial.astype(np.float32), one, pitch, HALF)
+    templates = make_templates(camera, image_initial.astype(np.float32, order="C"), one, pitch, HALF)
     found = align(
-        camera, image_goal.astype(np.float32), templates, other, np.zeros((len(ratio), 2)),
+        camera, image_goal.astype(np.float32, order="C"), templates, other, np.zeros((len(ratio), 2)),
         ratio[:, None, None] * np.eye(2),
     )  # fmt: skip
     near = np.linalg.norm(found.places, axis=1) < np.maximum(FARTHEST * size_goal, 1.5 * pixel_goal)

@@ -44,10 +44,13 @@ def tag_picture_corners(name: str, *, pixels_per_cell: int = 8) -> FloatArray:
 
     They lie on the outer edges of pixels. The order is that of `find_tags`: top left, top right, bottom
     right, bottom left of the tag as printed.
+
+    Raises:
+        InputError: no such dictionary, or not a legal size.
     """
-    layout = tag_layout(name)
-    low = (layout.cells - layout.border) // 2 * pixels_per_cell - 0.5
-    high = low + layout.border * pixels_per_cell
+    layout, scale = tag_layout(name), _whole("pixels_per_cell", pixels_per_cell, 1, _MOST_PIXELS_PER_CELL)
+    low = (layout.cells - layout.border) // 2 * scale - 0.5
+    high = low + layout.border * scale
     return np.array([[low, low], [high, low], [high, high], [low, high]])
 
 

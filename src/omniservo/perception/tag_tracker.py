@@ -82,7 +82,7 @@ class TagTracker:
         return pixels, np.isfinite(pixels[:, 0])
 
     def _found(self, image: ByteArray, number: int, predicted: FloatArray, noise: float) -> FloatArray | None:
-        bearings, valid = self.camera.unproject(np.where(np.isfinite(predicted), predicted, -1e9))
+        bearings, valid = self.camera.unproject(predicted)
         if not valid.all():
             return None
         planes = planes_of(bearings[None], self.codes.edge)

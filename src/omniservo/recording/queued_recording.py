@@ -56,13 +56,18 @@ class QueuedRecording(RunRecording):
         self._lock, self._waiting = Lock(), 0
         self._failure: NotWritten | None = None
         self._missing = 0
-        self._ended = False
+        self._ended, self._empty = False, True
         self.images = 0
         """that were taken in"""
         self.dropped = 0
         """images that were not, because the disk was too slow"""
         self._thread = Thread(target=self._run, name="recording", daemon=True)
         self._thread.start()
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether nothing was given to it."""
+        return self._empty
 
     @property
     def failure(self) -> NotWritten | None:
@@ -130,6 +135,7 @@ class QueuedRecording(RunRecording):
     def _put(self, work: Callable[[], None], size: int) -> None:
         if self._failure is not None or self._ended:
             return
+        self._empty = False
         with self._lock:
             self._waiting += size
             full = self._waiting > self._most_waiting

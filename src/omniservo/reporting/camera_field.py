@@ -107,6 +107,8 @@ def _model_error(axes: Axes, camera: CentralModel) -> None:
 def _rings(axes: Axes, camera: CentralModel, u: FloatArray, v: FloatArray) -> None:
     """Draw angles from the axis, and hatch what lies past 90°."""
     bearings, valid = _seen(camera, np.stack(np.meshgrid(u, v), axis=-1))
+    if not valid.any():
+        return
     angles = np.where(valid, np.degrees(np.arccos(np.clip(bearings[..., 2], -1.0, 1.0))), np.nan)
     largest = np.nanmax(angles)
     step = 30.0 if largest > 65.0 else 10.0

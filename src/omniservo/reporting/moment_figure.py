@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import textwrap
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -64,7 +65,8 @@ def draw_moment(plan: Plan) -> Drawing:
         for axes, (title, right, up) in zip((above, side), _VIEWS, strict=True):
             _draw_view(axes, plan, pose, w, worst, (right, up))
             axes.set_title(title)
-        figure.suptitle(_headline(plan, worst), x=0.01, ha="left", fontsize=12, fontweight="bold")
+        title = textwrap.fill(_headline(plan, worst), 110)
+        figure.suptitle(title, x=0.01, ha="left", fontsize=12, fontweight="bold")
         figure.legend(handles=_legend(plan), loc="outside lower center", ncols=5)
     said = plan.reason or "every constraint is proven"
     caption = (

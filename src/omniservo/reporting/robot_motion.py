@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -48,8 +49,8 @@ def rotation(result: RunResult) -> Drawing | None:
     planned = _planned_poses(result, executed.w)
     figure, axes = _three(
         executed.time,
-        np.rad2deg(executed.rotations),
-        None if planned is None else np.rad2deg(planned.rotation.as_rotvec()),
+        np.rad2deg(continuous(executed.rotations)),
+        None if planned is None else np.rad2deg(continuous(planned.rotation.as_rotvec())),
         ("about x", "about y", "about z"),
         "rotation vector [deg]",
     )
@@ -61,6 +62,17 @@ def rotation(result: RunResult) -> Drawing | None:
         f"initial camera; the paper calls these q4, q5, q6. Dashed: the plan. {_most(executed.rotations)}",
         figure,
     )
+
+
+def continuous(rotations: FloatArray) -> FloatArray:
+    """Return the same rotations by vectors (k, 3) [rad] without a jump where they pass half a turn."""
+    found = rotations.copy()
+    for before, vector in pairwise(found):
+        angle = float(np.linalg.norm(vector))
+        if angle > 0.0:
+            turns = round((float(before @ vector) / angle - angle) / (2.0 * np.pi))
+            vector *= 1.0 + 2.0 * np.pi * turns / angle
+    return found
 
 
 def robot_position(result: RunResult, initial_T_camera: RigidTransform) -> FloatArray:

@@ -64,6 +64,9 @@ _STYLE: Any = {
 }
 
 
+_HIGHEST = 4.0
+
+
 @dataclass(frozen=True)
 class Drawing:
     """A finished figure and what to look at in it."""
@@ -97,7 +100,11 @@ class _ShownFigure(Figure):
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """Return an empty figure of ``width`` × ``height`` [inch]; it belongs to no window and no global list."""
+    """Return an empty figure of ``width`` × ``height`` [inch]; it belongs to no window and no global list.
+
+    It is no higher than `_HIGHEST` times its width: a camera's file may state an image a pixel wide.
+    """
+    height = min(height, _HIGHEST * width)
     return _ShownFigure(figsize=(width, height), layout=ConstrainedLayoutEngine(h_pad=0.08, w_pad=0.06))
 
 

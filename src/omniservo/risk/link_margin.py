@@ -10,6 +10,7 @@ import numpy as np
 
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray, finite_array, finite_number
+from omniservo.geometry.covariances import is_covariance
 from omniservo.planning.camera_path import CameraPath
 from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.risk.executions import Executions
@@ -78,8 +79,11 @@ def plan_links_at_risk(
         InputError: see `plan_with_arm`; a covariance or a risk that is not legal, too few samples for it.
     """
     finite_number("risk", risk, above=0.0, maximum=1.0)
+    seed = int(finite_number("seed", seed, minimum=0))
     if mount_covariance is not None:
-        finite_array("mount_covariance", mount_covariance, (6, 6))
+        mount_covariance = finite_array("mount_covariance", mount_covariance, (6, 6))
+        if not is_covariance(mount_covariance):
+            raise InputError("mount_covariance: a symmetric matrix without negative eigenvalues is needed")
     asked, added = setting.clearance_around, begin
     for _ in range(ROUNDS):
         found = plan_with_arm(problem, replace(setting, clearance=asked + added), seed=seed)

@@ -67,6 +67,7 @@ def plan_arm_with_risk(
         )  # fmt: skip
     begin = time.perf_counter()
     finite_number("risk", risk, minimum=LEAST_RISK / (1.0 - LINKS_PART), maximum=MOST_RISK)
+    seed = int(finite_number("seed", seed, minimum=0))
     rows, links = followed_rows(estimate, points), LINKS_PART * risk
     samples = RiskSamples(problem_of_estimate(problem, estimate, rows), estimate, rows, risk - links, seed)
     planner = _LinksAtRisk(samples, setting, links, mount_covariance)

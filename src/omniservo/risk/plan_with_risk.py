@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from omniservo.errors import InputError, spelled
 from omniservo.estimation import TwoViewEstimate
+from omniservo.estimation.refinement.pose_refinement import LEAST_POINTS
 from omniservo.geometry.arrays import FloatArray, IntArray, finite_number
 from omniservo.planning.plan import Plan
 from omniservo.planning.planning_problem import PlanningProblem
@@ -58,17 +59,18 @@ def plan_with_risk(
         problem: what to keep; obstacles in the initial camera frame, as exact as stated.
         estimate: metric, of status "ok", with its uncertainty.
         risk: probability that any constraint is violated, 0.0001 to 0.5.
-        points: rows (m,) of the estimated points that the servo follows and that stay in view; None: all
-            inliers.
+        points: rows (m,) of the estimated points that the servo follows and that stay in view, at least
+            four, each once; None: all inliers.
         seed: of the samples, and of planning.
         planner: what plans the path: the camera alone, or with an arm.
 
     Raises:
         InputError: no pose, no scale, no uncertainty in the estimate, an illegal risk, a point that is
-            no inlier, or what planning refuses.
+            no inlier or stands twice, fewer points than a servo needs, or what planning refuses.
     """
     begin = time.perf_counter()
     finite_number("risk", risk, minimum=LEAST_RISK, maximum=MOST_RISK)
+    seed = int(finite_number("seed", seed, minimum=0))
     rows = followed_rows(estimate, points)
     samples = RiskSamples(problem_of_estimate(problem, estimate, rows), estimate, rows, risk, seed)
     return searched(samples, begin, planner)
@@ -162,6 +164,10 @@ def followed_rows(estimate: TwoViewEstimate, points: npt.ArrayLike | None) -> In
     known = np.isin(rows, np.flatnonzero(estimate.inliers))
     if not known.all():
         raise InputError(f"points: row {rows[~known][0]} given, which is no inlier of the estimate")
+    if len(np.unique(rows)) < max(len(rows), LEAST_POINTS):
+        raise InputError(
+            f"points: {spelled(rows.tolist())} given; at least {LEAST_POINTS}, each once, are needed"
+        )
     return rows.astype(np.int64)
 
 

@@ -97,14 +97,17 @@ class JobRecording:
         self._read_at = self._shown = np.nan
         self._calls, self._values = bytearray(), array("d")
 
-    def begin(self, task: Task, goal: TaughtGoal, scene: Scene, method: str, seed: int) -> None:
-        """Say what is going to be done: the task with its files, the goal, the parameters.
+    def begin(
+        self, task: Task, goal: TaughtGoal, scene: Scene, method: str, seed: int, *, time: float
+    ) -> None:
+        """Say what is going to be done, at this time [s]: the task with its files, the goal, the parameters.
 
         Raises:
             InputError: a task that was not loaded from a file.
         """
         if task.sources is None:
             raise InputError(f"{task.name}: it was not loaded from a file, so that no recording can keep it")
+        self._time = time  # on the clock of what follows: else players show a timeline since the clock's zero
         kept = task.sources.kept(task)
         self._names = list(scene.arm.joint_names)
         robot = task.sources.kept_robot()
@@ -118,9 +121,9 @@ class JobRecording:
             self._recording.attach(ROBOT_FILES + name, "application/octet-stream", data)
         self._recording.attach(ASKED, _JSON, inputs.to_json().encode())
         self._document(GOAL, goal.to_dict())
-        info = camera_info(task.camera, _header(0.0, topics.CAMERA))
+        info = camera_info(task.camera, _header(time, topics.CAMERA))
         if info is not None:
-            self._recording.write(topics.CAMERA_INFO, info, 0.0)
+            self._recording.write(topics.CAMERA_INFO, info, time)
         self._say(f"{task.name}, {method}, seed {seed}: {task.summary}")
 
     def image(self, image: CameraImage) -> None:

@@ -17,7 +17,8 @@ def recording_beside(folder: Path, work: Path, left: Callable[[Path], None]) -> 
     """Give a recording; where the block ends well it is ``recording.mcap`` in ``work``.
 
     While the block runs, and if this process is killed, it is FOLDER.unfinished.mcap beside the folder;
-    where the block ends by an exception it is FOLDER.mcap. None that is there is overwritten.
+    where the block ends by an exception it is FOLDER.mcap, or nothing where nothing was recorded. None that
+    is there is overwritten.
 
     Args:
         folder: of results.
@@ -35,6 +36,9 @@ def recording_beside(folder: Path, work: Path, left: Callable[[Path], None]) -> 
     try:
         yield recording
     except BaseException:
+        if recording.is_empty:
+            recording.discard()
+            raise
         recording.close()
         left(path if path.exists() else recording.unfinished)
         raise

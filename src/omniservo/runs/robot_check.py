@@ -36,6 +36,9 @@ LEAST_JOINT_RATE = 50.0
 NEAR = 0.2
 """Gaps are measured up to this [m]."""
 
+ENOUGH = 0.9
+"""With this share of the robot file's `camera.rate` nothing is said: single images are lost on any line."""
+
 _POLL = 5e-4
 
 
@@ -141,6 +144,16 @@ def line_clock(source: object) -> LineClock | None:
     if not isinstance(clock, ClockMap) or math.isnan(clock.offset):
         return None
     return LineClock(clock.offset, clock.drift, clock.spread, clock.later)
+
+
+def rate_notice(images: StreamTimes | None, rate: float) -> str | None:
+    """Return what to say of images that come less often than the robot file counts on [Hz]; None: nothing."""
+    if images is None or images.rate >= ENOUGH * rate:
+        return None
+    return (
+        f"images come {images.rate:.1f} times a second; camera.rate of the robot file counts on {rate:g}: "
+        "state what comes, or the arm will have to wait for images"
+    )
 
 
 def _findings(joints: StreamTimes, images: StreamTimes | None) -> list[str]:

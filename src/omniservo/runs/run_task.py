@@ -90,7 +90,8 @@ def run_task(
         told = None if recording is None else JobRecording(recording)
         try:
             if told is not None:
-                told.begin(task, goal, cell.scene, chosen.name, seed)
+                now = 0.0 if cell.clock is None else cell.clock()
+                told.begin(task, goal, cell.scene, chosen.name, seed, time=now)
                 cell = RecordedCell(cell, told)
             result = _run_in(cell, task, chosen, goal, seed, (filmed, told), progress)
         except BaseException as error:
@@ -214,8 +215,8 @@ def _look(task: Task, cell: RobotCell, progress: Progress) -> tuple[CameraImage,
 def _goal(
     task: Task, open_cell: OpenCell, goal: TaughtGoal | None, seed: int, progress: Progress
 ) -> TaughtGoal:
-    progress("teaching the goal", 0.0)
     if goal is None:
+        progress("teaching the goal", 0.0)
         require_in_view(task, RigidTransform.identity(), "the initial image")
         with closing(open_cell(task, seed + 1)) as cell:
             return teach_goal(task, cell)

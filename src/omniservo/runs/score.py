@@ -27,7 +27,7 @@ def score(
     positions = log.executed("position")
     return {
         "status": _status(log),
-        "reason": log.stop_message,
+        "reason": f"{log.stop_reason}: {log.stop_message}" if log.stop_reason else "",
         "clearance_asked_m": task.planning.clearance,
         "clearance_planned_m": None if plan is None else plan.least_clearance(task.planning.common_obstacles),
         "clearance_executed_m": _least_clearance(task, log.column("time"), positions),

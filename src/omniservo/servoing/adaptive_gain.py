@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from omniservo.errors import InputError
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, finite_number
 
@@ -42,6 +41,4 @@ Gain = float | AdaptiveGain
 def refuse_wrong_gain(gain: Gain) -> None:
     """Raise `InputError` unless it is a positive number or an `AdaptiveGain`."""
     if not isinstance(gain, AdaptiveGain):
-        if not isinstance(gain, int | float):
-            raise InputError(f"gain: {gain!r} given; legal: a number > 0, or an AdaptiveGain")
         finite_number("gain", gain, above=0.0)

@@ -40,7 +40,7 @@ class EvenPaceLaw:
     def __post_init__(self) -> None:
         finite_number("top_speed", self.top_speed, above=0.0)
         finite_number("least_duration", self.least_duration, minimum=0.0)
-        if not self.duration > 0.0:
+        if not max(self.least_duration, float(self._given.max())) > 0.0:
             raise InputError("pace: nothing moves; give a least_duration > 0")
 
     @cached_property
@@ -73,9 +73,12 @@ class EvenPaceLaw:
         return w, first * speed, first * change + second * speed**2
 
     @cached_property
+    def _given(self) -> FloatArray:
+        return finite_array("pace", self.pace(np.linspace(0.0, 1.0, _PLACES)), (_PLACES,))
+
+    @cached_property
     def _paces(self) -> FloatArray:
-        given = finite_array("pace", self.pace(np.linspace(0.0, 1.0, _PLACES)), (_PLACES,))
-        return np.maximum(given, max(_LEAST_PACE * float(given.mean()), 1e-12))
+        return np.maximum(self._given, max(_LEAST_PACE * float(self._given.mean()), 1e-12))
 
     @cached_property
     def _length(self) -> FloatArray:

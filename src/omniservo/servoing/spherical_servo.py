@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import combinations
 
 import numpy as np
 
@@ -102,10 +102,16 @@ class SphericalServo:
 @lru_cache(maxsize=64)
 def _triangles(count: int) -> IntArray:
     """Return the corners of at most MOST_TRIANGLES triangles of ``count`` points, (5, k) by `_ROUND`."""
-    every = np.array(list(combinations(range(count), 3)), dtype=np.int64).reshape(-1, 3)
-    if len(every) > MOST_TRIANGLES:
-        every = every[np.linspace(0, len(every) - 1, MOST_TRIANGLES).round().astype(np.int64)]
-    return np.ascontiguousarray(every.T[_ROUND])
+    every = math.comb(count, 3)
+    rank = np.linspace(0, every - 1, min(every, MOST_TRIANGLES)).round().astype(np.int64)
+    # in the order of `itertools.combinations`, of which a hundred points have too many to list
+    left = np.arange(count - 1, -1, -1)
+    pairs, triples = (np.append(0, np.cumsum(k)) for k in (left, left * (left - 1) // 2))
+    first = np.searchsorted(triples, rank, side="right") - 1
+    of_pairs = rank - triples[first] + pairs[first + 1]
+    second = np.searchsorted(pairs, of_pairs, side="right") - 1
+    corners = np.stack([first, second, of_pairs - pairs[second] + second + 1])
+    return np.ascontiguousarray(corners[_ROUND])
 
 
 def _spanned(bearings: FloatArray, corners: IntArray) -> FloatArray:

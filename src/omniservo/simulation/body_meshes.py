@@ -76,9 +76,10 @@ def solid_triangles(kind: str, size: FloatArray, vertices: FloatArray | None) ->
         case "ellipsoid":
             return trimesh.creation.icosphere(2, 1.0).apply_scale(size)
         case "capsule":
-            return _capsule(float(size[0]), float(size[1]))
+            return capsule(float(size[0]), 2.0 * float(size[1]))
         case "cylinder":
-            return trimesh.creation.cylinder(float(size[0]), 2.0 * float(size[1]), sections=_ROUND)
+            shape = trimesh.creation.cylinder(1.0, 2.0 * float(size[1] / size[0]), sections=_ROUND)
+            return shape.apply_scale(float(size[0]))  # as of a capsule
         case "box":
             return trimesh.creation.box(2.0 * size)
         case "hull":
@@ -101,9 +102,17 @@ def _triangles(model: Any, geom: int) -> Any:
     return shape.apply_transform(pose.as_matrix())
 
 
-def _capsule(radius: float, half: float) -> Any:
-    shape = trimesh.creation.capsule(2.0 * half, radius, count=[_ROUND // 2, _ROUND])
-    return shape.apply_translation([0.0, 0.0, -shape.bounds.mean(axis=0)[2]])
+def capsule(radius: float, length: float, count: tuple[int, int] = (_ROUND // 2, _ROUND)) -> Any:
+    """Return a capsule about its middle along z, ``length`` [m] between the middles of its ends.
+
+    Args:
+        radius: [m].
+        length: [m].
+        count: of its sides, along and round it.
+    """
+    shape: Any = trimesh.creation.capsule(length / radius, 1.0, count=list(count))
+    shape.apply_translation([0.0, 0.0, -shape.bounds.mean(axis=0)[2]])
+    return shape.apply_scale(radius)  # of one of a tenth of a millimetre trimesh would leave sides out
 
 
 def _square() -> Any:

@@ -77,8 +77,8 @@ class RealTimeRobot:
             return None
         rate = self._scene.sensor.rate
         return (
-            f"this machine renders {share * rate:.1f} frames a second; the camera has {rate:g}: take a "
-            "smaller image or a lower rate"
+            f"this machine renders {share * rate:.1f} frames a second; the camera has {rate:g}: take a lower "
+            "--rate, or smaller images (--size)"
         )
 
     def read(self) -> RobotState:

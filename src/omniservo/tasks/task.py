@@ -23,6 +23,7 @@ from pydantic import (
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.geometry.arrays import FloatArray
+from omniservo.geometry.covariances import is_covariance
 from omniservo.planning import Workspace
 from omniservo.renamed import renamed_attribute
 from omniservo.replanning.frame_change import seen_workspace
@@ -55,6 +56,10 @@ class Pose(Turned):
         return RigidTransform.from_components(np.asarray(self.translation), self.rotation)
 
 
+FARTHEST_MOUNT = 3.0
+"""A camera that sits farther from the flange was stated in another unit [m]."""
+
+
 class ArmMount(Section):
     """The arm, where it stands, and how the camera sits on it."""
 
@@ -83,6 +88,17 @@ class ArmMount(Section):
 
     tool: ClassVar[Any] = renamed_attribute("tool", "flange")
 
+    @field_validator("flange_T_camera")
+    @classmethod
+    def _near(cls, pose: Pose) -> Pose:
+        far = float(np.linalg.norm(pose.translation))
+        if far > FARTHEST_MOUNT:
+            raise ValueError(
+                f"the camera is {far:g} m from the flange; legal: {FARTHEST_MOUNT:g} m at most; millimetres "
+                "for metres? units: {length: mm} says so"
+            )
+        return pose
+
     @field_validator("mount_covariance")
     @classmethod
     def _square(cls, rows: tuple[tuple[float, ...], ...] | None) -> tuple[tuple[float, ...], ...] | None:
@@ -90,8 +106,7 @@ class ArmMount(Section):
             return None
         if len(rows) != 6 or any(len(row) != 6 for row in rows):
             raise ValueError("six rows of six numbers are needed")
-        matrix = np.array(rows)
-        if not np.allclose(matrix, matrix.T) or np.linalg.eigvalsh(matrix)[0] < -1e-12 * abs(matrix).max():
+        if not is_covariance(np.array(rows)):
             raise ValueError("a symmetric matrix without negative eigenvalues is needed")
         return rows
 

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.cameras.models import CentralModel
-from omniservo.errors import Divergence, FeatureLoss, InputError, NotFinite
+from omniservo.errors import Divergence, FeatureLoss, InputError, NotFinite, spelled
 from omniservo.estimation import refine_pose
 from omniservo.estimation.refinement.refine_pose import refined_matrix
 from omniservo.field_docs import with_field_docs
@@ -190,7 +190,9 @@ class GoalServo:
             FeatureLoss: too few points are left.
             NotFinite: the method gives no six finite numbers.
             ServoStop: what else the method raises, such as `SingularInteraction`.
+            InputError: the time is not finite.
         """
+        time = finite_number("time", time)
         bearings, use = self._camera.unproject(pixels)
         use &= valid
         count = np.count_nonzero(use)
@@ -200,16 +202,21 @@ class GoalServo:
         if pose is None:
             raise Divergence(f"no camera pose explains the {count} points in the image")
         self._initial_T_camera = pose
-        twist = np.array(self.method.step(self._measurement(time, bearings, use, pose)), dtype=np.float64)
-        if twist.shape != (6,) or not np.isfinite(twist).all():
-            raise NotFinite(f"{type(self.method).__name__} gives the twist {twist.tolist()}; it was not sent")
+        given = self.method.step(self._measurement(time, bearings, use, pose))
+        try:
+            twist = finite_array("twist", given, (6,))
+        except InputError:
+            words = spelled(given.tolist() if isinstance(given, np.ndarray) else given)
+            raise NotFinite(
+                f"{type(self.method).__name__} gives the twist {words}; it was not sent"
+            ) from None
         factor = limit_twist(twist, self.options.max_linear_speed, self.options.max_angular_speed)
-        self._twist, self._time = twist, time
+        self._twist, self._time = twist.copy(), time
         off = (pixels - self._goal_pixels)[use]
         error = math.sqrt((off * off).sum() / count)
         self._settled = self._settled + 1 if error <= self.options.tolerance_px else 0
-        self.report = GoalServoReport(self._goal_pixels, error, pose, factor < 1.0)
-        return self._twist
+        self.report = GoalServoReport(self._goal_pixels.copy(), error, pose.copy(), factor < 1.0)
+        return twist
 
     def _measurement(
         self, time: float, bearings: FloatArray, use: BoolArray, initial_T_camera: FloatArray

@@ -97,12 +97,13 @@ class PathTracker:
         self._goal_blend = GoalBlend(self._goal.offsets)
         self._settings = _settings(self.options, self._camera, self._goal.pixels)
         self._estimated_pose, self._pose_covariance = np.empty(7), np.empty((6, 6))
+        self._without_image = self._estimated_pose, self._pose_covariance
+        """what was estimated for the time of the last image before it"""
         self._where: MeasuredPose | None = None
         self._stop = StopCriterion(self._goal.pose, self.options)
         self._structure = None if wanted is None else self._refinement(initial_pixels)
-        self._run_kernel(
-            0.0, 0.0, np.zeros((len(self._points), 2)), np.zeros(len(self._points), dtype=np.bool_)
-        )
+        nothing = np.zeros((len(self._points), 2)), np.zeros(len(self._points), dtype=np.bool_)
+        self._run_kernel(0.0, 0.0, nothing, self._predicted(0.0))
 
     @property
     def points(self) -> FloatArray:
@@ -199,7 +200,7 @@ class PathTracker:
         if self.report is None:
             raise FeatureLoss("no image was seen yet")
         pixels, seen = self._predicted_pixels(time)
-        status, twist, *_, evidence = self._run_kernel(time, acts_at, pixels, seen)
+        status, twist, *_, evidence = self._run_kernel(time, acts_at, (pixels, seen), self._predicted(time))
         if status != kernel.DONE:
             raise self._error(status, pixels, evidence)
         return twist
@@ -219,7 +220,8 @@ class PathTracker:
         """Return the camera twist (6,), (linear [m/s], angular [rad/s]), in the camera frame, by (43).
 
         Args:
-            time: exposure of the image [s] since the start of the time law; the reference rests before 0.
+            time: exposure of the image [s] since the start of the time law; the reference rests before 0. An
+                image of the same time as the last is that one again.
             pixels: (n, 2) [px], row j shows point j; rows of lost points may hold anything.
             valid: (n,) bool, False for lost points; None: all are there. A pixel outside the camera's domain
                 counts as lost.
@@ -238,12 +240,15 @@ class PathTracker:
         seen, used = self._checked_image(time, pixels, valid)
         acts = time + self.options.delay if acts_at is None else finite_number("acts_at", acts_at)
         uncertain = finite_number("time_sigma", time_sigma, minimum=0.0)
+        again = self.report is not None and time == self.report.time  # the last image: it counts once
+        expected = self._without_image if again else self._predicted(time)
         status, twist, reference, pose, estimated, covariance, evidence = self._run_kernel(
-            time, acts, seen, used, uncertain
+            time, acts, (seen, used), expected, uncertain
         )
         if status != kernel.DONE:
             raise self._error(status, seen, evidence)
-        self._estimated_pose, self._pose_covariance = estimated, covariance
+        self._without_image = expected
+        self._estimated_pose, self._pose_covariance = estimated.copy(), covariance.copy()
         _, error, goal_error, rms, conditioning, factor = evidence.tolist()
         phase = self._phase(time, goal_error, pose)
         w, w_dot = self._way.leg(time).w(time)
@@ -322,9 +327,16 @@ class PathTracker:
         self._stop = StopCriterion(goal.pose, self.options)
 
     def _run_kernel(
-        self, time: float, acts_at: float, seen: FloatArray, used: BoolArray, time_sigma: float = 0.0
+        self,
+        time: float,
+        acts_at: float,
+        image: tuple[FloatArray, BoolArray],
+        expected: tuple[FloatArray, FloatArray],
+        time_sigma: float = 0.0,
     ) -> tuple[int, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Return status, twist, reference pixels (n, 2), poses, covariance, evidence; ``used`` changes.
+        """Return status, twist, reference pixels (n, 2), poses, covariance, evidence.
+
+        ``image``: pixels (n, 2) and which are used (n,), which changes; ``expected``: as of `_predicted`.
 
         The constructor calls it once without points, so that compiling does not delay the first twist.
         """
@@ -332,7 +344,7 @@ class PathTracker:
         w_now, w_dot_now, plan_now, plan_twist = self._way.state(acts_at)
         now, growth = self._goal_blend.at(w_now)
         offsets = np.array([self._goal_blend.at(w)[0], now])
-        estimated_pose, covariance = self._predicted(time, plan_seen)
+        (seen, used), (estimated_pose, covariance) = image, (a.copy() for a in expected)
         carried_on = self._carried_on(time, acts_at, plan_seen, plan_now)
         pose, twist, reference, evidence = np.empty(7), np.empty(6), np.empty((len(used), 2)), np.empty(6)
         status = kernel.track_step(
@@ -346,15 +358,14 @@ class PathTracker:
         )
         return status, twist, reference, pose, estimated_pose, covariance, evidence
 
-    def _predicted(self, time: float, plan_seen: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _predicted(self, time: float) -> tuple[FloatArray, FloatArray]:
         """Return the pose filter's estimate for ``time`` [s]: pose (7,) and covariance (6, 6)."""
-        estimated_pose, covariance = plan_seen.copy(), np.empty((6, 6))
         if self.report is None:
+            covariance = np.empty((6, 6))
             reset(covariance)
-            return estimated_pose, covariance
+            return self._way.pose(time), covariance
         estimated_pose, covariance = self._estimated_pose.copy(), self._pose_covariance.copy()
-        before = self.report.time
-        moved = (self._way.pose(before), plan_seen) if self._where is None else self._moved(before, time)
+        moved = self._moved(self.report.time, time)
         predict_state(estimated_pose, covariance, *moved, time - self.report.time)
         return estimated_pose, covariance
 
@@ -363,6 +374,8 @@ class PathTracker:
     ) -> tuple[FloatArray, BoolArray]:
         """Return pixels (n, 2) and a copy of ``valid`` (n,) as the kernel takes them."""
         count = len(self._points)
+        if isinstance(pixels, np.ma.MaskedArray) and pixels.mask.any():
+            raise InputError(f"pixels: {pixels.mask.sum()} masked entries given; mark a lost point in valid")
         seen = np.ascontiguousarray(pixels, dtype=np.float64)
         if seen.shape != (count, 2):
             raise InputError(

@@ -28,6 +28,9 @@ SAMPLES = 41
 _LONGEST = 480
 """[px] of the image's longer side"""
 
+_FINE = 2
+"""so many times as fine bodies are drawn, whose sides are then smooth"""
+
 _TRAJECTORY: Colour = (240, 160, 30)
 _VIOLATED: Colour = (225, 40, 50)
 _POINT: Colour = (20, 120, 255)
@@ -71,9 +74,14 @@ class CameraView:
 
 
 def drawn_obstacles(problem: PlanningProblem, initial_T_camera: RigidTransform) -> ByteArray:
-    """Return a grey image (height, width) of the problem's obstacles alone: for a problem without an arm."""
+    """Return a grey image of the problem's obstacles alone: for a problem without an arm.
+
+    It has the shape of the camera's, and no more pixels than are seen of it: a file may state any size.
+    """
     camera = problem.camera
-    drawing = Image.new("L", (camera.width, camera.height), _GROUND)
+    scale = min(1.0, _FINE * _LONGEST / max(camera.width, camera.height))
+    size = (max(1, round(scale * camera.width)), max(1, round(scale * camera.height)))
+    drawing = Image.new("L", size, _GROUND)
     pen = ImageDraw.Draw(drawing)
     hiding = tuple(o for o in problem.obstacles if hides_points(o) and o.motion is None)
     triangles = [np.zeros((0, 3, 3))]
@@ -88,7 +96,7 @@ def drawn_obstacles(problem: PlanningProblem, initial_T_camera: RigidTransform) 
     shown = facing & valid.all(axis=1)
     for pixel, normal in zip(pixels[shown], normals[shown], strict=True):
         light = abs(normal[1]) / max(float(np.linalg.norm(normal)), 1e-12)
-        pen.polygon([tuple(p) for p in pixel], fill=int(_BODY + 60 * light))
+        pen.polygon([tuple(p) for p in scale * (pixel + 0.5) - 0.5], fill=int(_BODY + 60 * light))
     return np.asarray(drawing)
 
 
@@ -97,7 +105,7 @@ def with_trajectories(grey: ByteArray, plan: Plan, w: float) -> ByteArray:
     problem = plan.problem
     camera = problem.camera
     scale = min(1.0, _LONGEST / max(camera.width, camera.height))
-    size = round(scale * camera.width), round(scale * camera.height)
+    size = max(1, round(scale * camera.width)), max(1, round(scale * camera.height))
     picture = Image.fromarray(grey).resize(size, Image.Resampling.BILINEAR).convert("RGB")
     outside = _beyond_limits(camera, problem.image_margin, size)
     tinted = np.array(picture)

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.errors import InputError
-from omniservo.files import read_text
+from omniservo.files import read_document, read_text
 from omniservo.geometry.arrays import FloatArray
 from omniservo.planning import Plan
 from omniservo.results import RunResult
@@ -63,12 +60,14 @@ def read_executed(folder: Path, scene: Scene, plan: Plan | None) -> ExecutedRun 
         InputError: a file is missing, or is not what a run writes.
     """
     text = read_text(folder / "log.csv", max_bytes=_LARGEST_LOG)
-    rows = list(csv.reader(io.StringIO(text)))
-    if len(rows) < 2:
+    lines = text.splitlines()
+    if not any(lines[1:]):
         return None
-    header = rows[0]
+    header = lines[0].split(",")
     try:
-        table = np.array(rows[1:], dtype=np.float64)
+        table = np.loadtxt(lines[1:], delimiter=",", comments=None, ndmin=2)
+        if table.shape[1] != len(header):
+            raise ValueError(f"{table.shape[1]} numbers in a row, {len(header)} names")
         joints = [i for i, name in enumerate(header) if name.startswith("joints_")]
         place = [header.index(f"measured_position_{k}") for k in range(3)]
         turn = [header.index(f"measured_rotation_{k}") for k in range(3)]
@@ -110,7 +109,7 @@ def executed_of(result: RunResult, world_T_initial: RigidTransform) -> ExecutedR
 
 
 def _ended(path: Path) -> str:
-    metrics: Any = json.loads(read_text(path)) if path.is_file() else {}
+    metrics: Any = read_document(path) if path.is_file() else {}
     status = metrics.get("status", "unknown") if isinstance(metrics, dict) else "unknown"
     reason = metrics.get("reason") if isinstance(metrics, dict) else None
     return f"{status}{f': {reason}' if reason else ''}"

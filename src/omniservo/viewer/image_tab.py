@@ -16,6 +16,7 @@ from omniservo.runs import estimate_images
 from omniservo.viewer.file_tab import written
 from omniservo.viewer.open_viewed import Viewed
 from omniservo.viewer.page import Page
+from omniservo.viewer.status import note_html
 from omniservo.viewer.uncertain_target import uncertain_target
 
 _FEATURES = ("dots", "tags", "natural")
@@ -45,7 +46,7 @@ class ImageTab:
         for name in (_START, _GOAL):
             load = gui.add_upload_button(name.capitalize(), hint="seen by the page's camera; PNG, JPEG, PGM")
             load.on_upload(page.in_background(partial(self._load, name=name)))
-        self._said = gui.add_markdown("Both images: goal and points are estimated from them.")
+        self._said = gui.add_html(note_html("Both images: goal and points are estimated from them."))
         for label, make in (("Save camera's view", self._view), ("Save scene", self._scene)):
             button = gui.add_button(label)
             button.on_click(page.in_background(partial(self._hand_out, make=make)))
@@ -57,13 +58,13 @@ class ImageTab:
         self._images[name] = file
         missing = [other for other in (_START, _GOAL) if other not in self._images]
         if missing:
-            self._said.content = f"{file.name} is the {name}; the {missing[0]} is missing."
+            self._said.content = note_html(f"{file.name} is the {name}; the {missing[0]} is missing.")
             return
-        self._said.content = "estimating …"
+        self._said.content = note_html("estimating …")
         try:
-            self._said.content = self._estimated()
+            self._said.content = note_html(self._estimated())
         except (InputError, NoSolutionError) as error:
-            self._said.content = f"**refused** {error}"
+            self._said.content = note_html(f"refused: {error}")
             raise
 
     def _estimated(self) -> str:

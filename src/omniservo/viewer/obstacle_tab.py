@@ -33,7 +33,7 @@ class ObstacleTab:
         upload = gui.add_upload_button("Add from file", hint="mesh, point cloud, problem; in m")
         upload.on_upload(page.in_background(self._load))
         self._chosen = gui.add_dropdown("obstacle", (_NONE,))
-        self._on(self._chosen.on_update, lambda event: self._show_numbers(page.situation))
+        self._on(self._chosen.on_update, self._choose)
         self._folder = gui.add_folder("in the initial camera frame [m]")
         self._fields: dict[str, Any] = {}
         self._numbers: tuple[int, str] | None = None
@@ -50,6 +50,10 @@ class ObstacleTab:
             self._chosen.options = names
             self._chosen.value = names[min(before or 0, len(names) - 1)]
         self._show_numbers(situation)
+
+    def _choose(self, event: Any) -> None:
+        if event.client is not None:  # not what `follow` has set, by the thread that plans
+            self._show_numbers(self._page.situation)
 
     @property
     def _index(self) -> int | None:

@@ -85,7 +85,11 @@ class Page:
         self.timings = Timings()
         self._answer: Answer | None = None
         self._number, self._request, self._requests = 0, 0, count(1)
-        self._changed = threading.Condition()
+        self._changed, self._closed, self._serving = (
+            threading.Condition(),
+            threading.Event(),
+            threading.Lock(),
+        )
         self.settled = threading.Event()
         """set once the first situation is planned for, or refused"""
         self.playback = Playback(server, lambda: self._answer, self._failed)
@@ -109,7 +113,8 @@ class Page:
         self._watch_run()
 
     def close(self) -> None:
-        """End the threads."""
+        """End the threads, and what waits for them."""
+        self._closed.set()
         self._said.set()
         if self._watched is not None:
             self._watched.close()
@@ -150,11 +155,12 @@ class Page:
         """Have another task, plan or problem in the place of what is shown."""
 
         def take_it() -> None:
-            self.server.scene.reset()
             if self._watched is not None and viewed.watched is not self._watched:
                 self._watched.close()
                 self.playback.follow(None)
-            self._take(viewed)
+            with self.playback.moving:
+                self.server.scene.reset()
+                self._take(viewed)
             self._watch_run()
 
         self._jobs.append(take_it)
@@ -285,10 +291,16 @@ class Page:
         """Do the whole job in the simulator, watched; then its motion is played. For a thread of its own.
 
         Raises:
-            InputError, NoSolutionError: the situation has no arm, or its job is refused.
+            InputError, NoSolutionError: the situation has no arm, its job is refused, or one is going on.
         """
-        if self.playback.moment is not None:
+        if self.playback.moment is not None or not self._serving.acquire(blocking=False):
             raise InputError("a servo is going on")
+        try:
+            self._do_job()
+        finally:
+            self._serving.release()
+
+    def _do_job(self) -> None:
         situation, stage = self.situation, ""
         task = edited_task(situation)
 
@@ -319,7 +331,7 @@ class Page:
         """Return the page as a file that opens without Python. For a thread of its own.
 
         Raises:
-            InputError: there is no plan yet.
+            InputError: there is no plan yet, or the page is closed.
         """
         done, found = threading.Event(), list[str | Exception]()
 
@@ -332,7 +344,9 @@ class Page:
 
         self._jobs.append(record)
         self._planner.wake()
-        done.wait()
+        while not done.wait(_SOON):
+            if self._closed.is_set():
+                raise InputError("the page is closed")
         if isinstance(found[0], Exception):
             raise found[0]
         return found[0]
@@ -393,6 +407,8 @@ class Page:
             self.shown.status.content = refused_html(_said(error))
             self._changed.notify_all()
         self.settled.set()
+        if self._jobs:  # what was asked for after it
+            self._planner.wake()
         if not isinstance(error, OmniservoError):
             self._failed(error)
 

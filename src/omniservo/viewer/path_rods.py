@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import trimesh
 from scipy.spatial.transform import Rotation
 
 from omniservo.geometry.arrays import FloatArray
+from omniservo.simulation.body_meshes import capsule
 from omniservo.viewer.lit_triangles import lit_triangles
 
 Colour = tuple[int, int, int]
@@ -48,9 +48,9 @@ class PathRods:
         """Put it along places (m, 3) in the world [m], between which it is straight."""
         ends = _evenly(places)
         parts = np.diff(ends, axis=0)
-        longest = float(np.linalg.norm(parts, axis=1).max())
+        longest = max(float(np.linalg.norm(parts, axis=1).max()), self._radius / _LONGER)
         if not _SHORTER * self._length <= longest <= self._length:
-            self._make(max(_LONGER * longest, self._radius))
+            self._make(_LONGER * longest)
         for known, group in self._groups.items():
             group.visible = known == colour
         middles, turns = 0.5 * (ends[1:] + ends[:-1]), _turns_to(parts)
@@ -60,8 +60,7 @@ class PathRods:
     def _make(self, length: float) -> None:
         """Have rods of another length [m]."""
         self._length = length
-        shape: Any = trimesh.creation.capsule(length, self._radius, count=_SIDES)
-        shape.apply_translation([0.0, 0.0, -shape.bounds.mean(axis=0)[2]])
+        shape = capsule(self._radius, length, _SIDES)
         for colour, name in self._names.items():
             self._groups[colour] = self._scene.add_frame(name, show_axes=False, visible=False)
             file = lit_triangles([(shape, colour)], Rotation.identity())

@@ -6,6 +6,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -70,6 +71,8 @@ class Playback:
         """of a servo that goes on"""
         self.view_seconds: deque[float] = deque(maxlen=_KEPT_TIMES)
         """how long views and curves took [s]"""
+        self.moving = Lock()
+        """held while arm and camera are moved, and while other ones take their place"""
         self._view = CameraView()
         self._nodes: SceneNodes
         self._w: Any
@@ -155,7 +158,7 @@ class Playback:
         if answer is None:
             return
         place = self.place(answer)
-        with self._server.atomic():
+        with self.moving, self._server.atomic():
             self._nodes.show_planned(place.planned)
             self._nodes.show_camera(place.camera)
             if place.joints is not None:

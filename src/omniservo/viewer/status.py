@@ -50,7 +50,12 @@ def refused_html(message: str) -> str:
 
 def job_html(words: str) -> str:
     """Return what a run does or did."""
-    return f'<div data-job="" style="{_SMALL};font-size:12px">{escape(words)}</div>'
+    return f'<div data-job="">{note_html(words)}</div>'
+
+
+def note_html(words: str) -> str:
+    """Return words as they are: names of files and messages may look like markup."""
+    return f'<div style="{_SMALL};font-size:12px">{escape(words)}</div>'
 
 
 def _stage(answer: Answer) -> str:
@@ -95,7 +100,7 @@ def _against(answer: Answer) -> str:
         words = "" if worst is None else f"tightest: {worst.words}"
     else:
         words = answer.reason or ("" if worst is None else worst.words)
-    return f'<div style="{_SMALL};font-size:12px">{escape(words)}</div>' if words else ""
+    return note_html(words) if words else ""
 
 
 def _numbers(answer: Answer) -> str:

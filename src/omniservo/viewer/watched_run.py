@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 import time
+from glob import escape
 from pathlib import Path
 from threading import Event
 from typing import Protocol
@@ -178,6 +179,6 @@ def recording_of(path: Path) -> Path | None:
         return inside
     if path.exists() or not path.parent.is_dir():
         return None
-    names = (f"{path.name}.unfinished.mcap", f"{path.name}-*.unfinished.mcap")
+    names = (f"{escape(path.name)}{rest}.unfinished.mcap" for rest in ("", "-*"))
     growing = [file for name in names for file in path.parent.glob(name)]
     return max(growing, key=lambda file: file.stat().st_mtime, default=None)

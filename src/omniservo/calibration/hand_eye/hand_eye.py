@@ -17,6 +17,7 @@ from omniservo.errors import InputError, spelled
 from omniservo.field_docs import with_field_docs
 from omniservo.files import read_document, write_whole
 from omniservo.geometry.arrays import FloatArray, finite_array, finite_number
+from omniservo.geometry.covariances import is_covariance
 from omniservo.renamed import renamed_attribute
 
 FORMAT = "omniservo.hand_eye/1"
@@ -198,10 +199,7 @@ def load_hand_eye(path: str | Path) -> tuple[RigidTransform, FloatArray]:
     if abs(math.hypot(*quaternion) - 1.0) > _NEAR_UNIT:
         raise InputError(f"{path}: {mount}: quaternion: norm {math.hypot(*quaternion):g} given; legal: 1")
     covariance = finite_array(f"{path}: covariance", fields["covariance"], (6, 6))
-    if (
-        not np.allclose(covariance, covariance.T, rtol=1e-9, atol=0.0)
-        or np.linalg.eigvalsh(covariance)[0] < 0.0
-    ):
+    if not is_covariance(covariance):
         raise InputError(
             f"{path}: covariance: not symmetric and positive; legal: what calibrate-hand-eye wrote"
         )

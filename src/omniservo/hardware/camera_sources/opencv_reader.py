@@ -21,8 +21,8 @@ from omniservo.hardware.camera_sources.frame_reader import (
     UnlikeFrame,
 )
 
-_OPTIONS = "OPENCV_FFMPEG_CAPTURE_OPTIONS"
-_LOW_DELAY = "rtsp_transport;tcp|fflags;nobuffer|flags;low_delay"
+_LOW_DELAY = {"OPENCV_FFMPEG_CAPTURE_OPTIONS": "rtsp_transport;tcp|fflags;nobuffer|flags;low_delay"}
+_SILENT = {"OPENCV_FFMPEG_LOGLEVEL": "-8"}  # read when FFmpeg is used first
 _ENVIRONMENT = Lock()
 
 SILENCE = 5.0
@@ -56,7 +56,7 @@ class OpencvReader:
                 cv2.CAP_PROP_READ_TIMEOUT_MSEC,
                 1e3 * SILENCE,
             ]
-            with _low_delay():
+            with _opening(**_LOW_DELAY):
                 self._capture = cv2.VideoCapture(source, cv2.CAP_FFMPEG, [int(each) for each in waits])
         else:
             device = Path(f"/dev/video{source}" if isinstance(source, int) else source)
@@ -97,7 +97,8 @@ class VideoReader:
     """see FrameReader"""
 
     def __init__(self, path: Path) -> None:
-        self._capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
+        with _opening():
+            self._capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
         if not self._capture.isOpened():
             raise FrameLoss("not a video that OpenCV reads")
         rate = float(self._capture.get(cv2.CAP_PROP_FPS))
@@ -166,14 +167,18 @@ def grey(pixels: Any) -> np.ndarray[Any, np.dtype[np.uint8]]:
 
 
 @contextmanager
-def _low_delay() -> Iterator[None]:
-    """Let OpenCV's FFmpeg buffer little, unless the user's environment says how it shall read."""
+def _opening(**variables: str) -> Iterator[None]:
+    """Open with these variables in the environment, but for those that the user has there.
+
+    OpenCV and FFmpeg write nothing: what is wrong is one message, ours.
+    """
     with _ENVIRONMENT:
-        if _OPTIONS in os.environ:
-            yield
-            return
-        os.environ[_OPTIONS] = _LOW_DELAY
+        ours = {name: value for name, value in (_SILENT | variables).items() if name not in os.environ}
+        os.environ.update(ours)
+        level = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_ERROR)
         try:
             yield
         finally:
-            del os.environ[_OPTIONS]
+            cv2.utils.logging.setLogLevel(level)
+            for name in ours:
+                del os.environ[name]

@@ -273,7 +273,8 @@ class RtdeArm:
             if self._number <= 0:
                 return str(self._says)
             gap = max(self._longest_gap, now - self._written)
-        return f"{self._says}; longest gap between commands {gap:.3f} s, watchdog {self._watchdog:g} s"
+        busy = ": this computer was too busy" if gap > self._watchdog else ""
+        return f"{self._says}; longest gap between commands {gap:.3f} s, watchdog {self._watchdog:g} s{busy}"
 
     def _send_program(self) -> None:
         """Let the controller run our program, unless the arm cannot move or another program runs."""
@@ -348,6 +349,10 @@ def joint_order(names: Sequence[str]) -> list[int]:
     prefixes = {name.removesuffix(UR_JOINTS[k]) for name, k in zip(bare, order, strict=True) if k >= 0}
     clean = all(prefix == "" or not prefix[-1].isalnum() for prefix in prefixes)
     if sorted(order) != list(range(len(UR_JOINTS))) or len(prefixes) != 1 or not clean:
-        given = ", ".join(map(spelled_name, names))
-        raise InputError(f"joint_names {given}: this arm has {', '.join(UR_JOINTS)}")
+        unknown = [name for name, k in zip(names, order, strict=True) if k < 0] or names
+        given = ", ".join(map(spelled_name, unknown))
+        raise InputError(
+            f"joint_names {given}: this arm has {', '.join(UR_JOINTS)}; a robot file's joints say what it "
+            "calls each"
+        )
     return order
