@@ -63,7 +63,7 @@ def _in_shards(study: Study, made: Path) -> Path:
     spoilt.write_bytes(spoilt.read_bytes()[:-100])
     for attempt in range(2):
         try:
-            with whole_folder(made / "merged") as work:
+            with whole_folder(made / "merged", "study.json") as work:
                 _, certificates = merge_studies([*folders, again], work)
         except InputError as error:
             print(f"shards: refused: {str(error).removeprefix(str(made))}")

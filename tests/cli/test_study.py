@@ -89,7 +89,7 @@ def test_a_row_is_replayed_alone_with_images_report_and_plan(
     assert found == vars(rows_of(undisturbed)[number]) == json.loads((folder / "row.json").read_text())
     assert figure.parent == folder == Path("runs") / f"short-row-{number}"
     pictures = ("initial.png", "goal.png", "final.png")
-    for name in (figure.name, *pictures):
+    for name in (figure.name, "views.png", *pictures):
         assert (folder / name).read_bytes()[:4] == b"\x89PNG"
     assert len({(folder / name).read_bytes() for name in pictures}) == 3
     assert (folder / "report.html").read_text().count("<figure") == 3

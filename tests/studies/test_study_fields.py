@@ -78,3 +78,10 @@ def test_another_number_makes_other_rows(tmp_path, section, field):
     needed = WITH.get(field, {})
     before = rows(tmp_path, needed)
     assert before != rows(tmp_path, needed, {section: {field: OTHERS[section][field]}})
+
+
+def test_another_seed_draws_other_scenes_and_the_same_one_the_same(tmp_path):
+    first, again, other = ([row.start_distance_m for row in rows(tmp_path, {"seed": k})] for k in (3, 3, 4))
+    assert first == again
+    assert not set(first) & set(other)
+    assert len(set(first)) == len(first)

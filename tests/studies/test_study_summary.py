@@ -108,6 +108,9 @@ def test_rates_of_other_rows_are_not_taken_for_pairs(undisturbed):
     assert same.correlation > 0.5
     assert apart.correlation == 0.0
     assert same.interval[1] < apart.interval[1]
+    gone = next(row.row for row in before if row.method == before[0].method)
+    some = [replace(row, status="no_scene") if row.row == gone else row for row in before]
+    assert compare_studies(before, some)[0].success.correlation == 0.0
 
 
 def test_studies_without_a_common_method_are_refused(undisturbed):

@@ -48,8 +48,9 @@ _LEAST_MM, _LEAST_DEG = 1e-2, 1e-3
 def write_row_report(folder: Path, study: Study, result: RowResult) -> None:
     """Fill an empty folder with what a row was and what came of it.
 
-    report.html, row.json and row.png; of a row with a scene the images initial.png, goal.png and final.png;
-    of a certified one plan.json, as `omniservo verify` and `omniservo view` read it.
+    report.html, row.json and row.png; of a row with a scene the images initial.png, goal.png and final.png,
+    and views.png with all three and their points; of a certified one plan.json, as `omniservo verify` and
+    `omniservo view` read it.
 
     Raises:
         NotWritten: the disk is full, or the folder is not ours.
@@ -63,6 +64,7 @@ def write_row_report(folder: Path, study: Study, result: RowResult) -> None:
         with styled():
             drawn = _drawn_views(result.scene, views)
             drawings = [drawn, ways, _errors(study, result.scene, result.trajectory)]
+        write_whole(folder / "views.png", image_bytes(drawn, "png"))
     certified = result.plan if result.row.certified else None
     if certified is not None:
         certified.save(folder / "plan.json")
