@@ -2,6 +2,7 @@
 
 import os
 import pty
+import re
 import select
 import subprocess
 import time
@@ -23,6 +24,9 @@ def shown_on_terminal(command, stdout=None, **options):
     return shown.decode()
 
 
+_COLOUR = re.compile(rb"\x1b\[[0-9;]*m")
+
+
 def answered_on_terminal(command, question, answer, look=0.5):
     """Answer a command's question as a person does; return what is shown before, meanwhile, and after.
 
@@ -33,10 +37,11 @@ def answered_on_terminal(command, question, answer, look=0.5):
         look: [s]
     """
     ours, theirs = pty.openpty()
-    process = subprocess.Popen(command, stdin=theirs, stdout=theirs, stderr=theirs)
+    named = os.environ | {"TERM": "xterm"}
+    process = subprocess.Popen(command, stdin=theirs, stdout=theirs, stderr=theirs, env=named)
     os.close(theirs)
     before, meanwhile, after = b"", b"", b""
-    while not before.endswith(question):
+    while not _COLOUR.sub(b"", before).endswith(question):
         before += os.read(ours, 4096)
     end = time.monotonic() + look
     while select.select([ours], [], [], max(end - time.monotonic(), 0.0))[0]:

@@ -90,6 +90,7 @@ def log_of(task, estimate, plan, steps):
                 time=4.0 * s,
                 w=w if plan is not None else np.nan,
                 leg=0,
+                read_time=4.0 * s,
                 joints=np.linspace(0.0, s, 6),
                 planned_joints=np.linspace(0.0, s, 6),
                 joint_velocities=0.3 * np.sin(np.pi * s) * np.arange(1, 7),

@@ -10,6 +10,7 @@ from PIL import Image
 
 from omniservo.reporting import write_figures
 from omniservo.reporting.figure_files import image_bytes
+from omniservo.reporting.joint_figures import executed_speed_shares
 from omniservo.reporting.margins import arm_gap, clearance
 from omniservo.reporting.path_3d import path_3d
 from omniservo.reporting.promise_words import CERTIFIED
@@ -200,3 +201,16 @@ def test_the_caption_says_what_the_planner_was_given_of_the_obstacle(made_up_run
     assert "real body, for which these points or balls stand." in caption(points)
     assert "real body, which is stated as a body." in caption(given(box))
     assert "obstacle" not in caption(given(()))
+
+
+def test_executed_joint_speeds_are_those_between_the_times_at_which_the_joints_were_read(run):
+    late = np.random.default_rng(0).uniform(0.0, 0.09, len(run.log.rows))
+    rows = [
+        replace(row, read_time=row.time + by, joints=(row.time + by) * np.arange(6.0))
+        for row, by in zip(run.log.rows, late, strict=True)
+    ]
+    rows.insert(4, replace(rows[4], time=rows[4].time - 1e-3))  # no joints were read between two images
+    _, shares = executed_speed_shares(RunLog(rows), run.motion)
+    np.testing.assert_allclose(
+        shares, np.arange(6.0) / run.motion.arm.joint_speed * np.ones((len(shares), 1))
+    )

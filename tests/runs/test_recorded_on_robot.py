@@ -15,7 +15,7 @@ from tests.runs.changed_task import PlainCell, shipped, short, written
 from tests.runs.test_recordings import changed, messages, with_asked, with_message
 
 from omniservo.cli.main import main
-from omniservo.errors import InputError
+from omniservo.errors import InputError, NoSolutionError
 from omniservo.recording import Attachment, QueuedRecording, Recorded, RecordedRun, topics
 from omniservo.runs import open_hardware, recording_beside, replay_run, run_task, teach_goal
 from omniservo.runs.robot_records import save_check
@@ -289,6 +289,18 @@ def test_an_interrupted_run_leaves_its_recording_beside_the_folder(there, tmp_pa
     assert "out-2.mcap" in capsys.readouterr().out
     found = replay_run(tmp_path / "out-2.mcap")
     assert (found.differences, found.ended, found.steps, found.cut) == ((), "broken_off", 0, False)
+
+
+def test_a_run_that_was_not_agreed_to_is_replayed_without_a_difference(there, tmp_path, monkeypatch):
+    from omniservo.cli.robot_file import Approval
+
+    def declined(self, motion):
+        raise NoSolutionError("the motion was not agreed to; nothing moved")
+
+    monkeypatch.setattr(Approval, "__call__", declined)
+    assert run_on(there, tmp_path / "out") == 1
+    found = replay_run(tmp_path / "out.mcap")
+    assert (found.differences, found.ended, found.steps) == ((), "broken_off", 0)
 
 
 def test_a_killed_run_leaves_a_file_that_is_read_and_replayed_to_its_end(there, tmp_path):

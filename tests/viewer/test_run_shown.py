@@ -47,7 +47,7 @@ def test_a_run_s_folder_is_opened_with_its_plan_and_what_was_executed(run):
     folder, _ = run
     viewed = open_viewed(folder)
     assert viewed.plan.status == "certified"
-    assert viewed.run.ended.startswith("stopped: not at the goal after 1.2 s")
+    assert viewed.run.ended.startswith("stopped: time_limit: not at the goal after 1.2 s")
     camera = viewed.situation.arm.scene.world_T_camera(viewed.run.joints[-1])
     assert np.linalg.norm(camera.translation - viewed.run.world_T_camera[-1].translation) < 2e-3
     first = viewed.run.world_T_camera[0].translation

@@ -62,7 +62,6 @@ class Progress:
     def __init__(self, what: str, *, silent: bool, compiles: bool = False) -> None:
         self._what, self._silent, self._compiles = what, silent, compiles
         self._ends: float | None = None
-        self._first: tuple[float, float] | None = None
         self._waited = 0.0
         self._begin = self._last_line = perf_counter()
         self._watch: CompilerWatch | None = None
@@ -115,14 +114,20 @@ class Progress:
 
     @contextmanager
     def aside(self) -> Iterator[None]:
-        """Leave the terminal to others while the block runs; an answer there takes no time of the job's."""
-        left = perf_counter()
-        if self._bar is not None:
-            self._bar.stop()
+        """Leave the terminal to others while the block runs, which is `uncounted`."""
+        with self.uncounted():
+            if self._bar is not None:
+                self._bar.stop()
+            yield
+            if self._bar is not None:
+                self._bar.start()
+
+    @contextmanager
+    def uncounted(self) -> Iterator[None]:
+        """Have a block whose time tells nothing of what is left: it waits for somebody."""
+        begin = perf_counter()
         yield
-        if self._bar is not None:
-            self._bar.start()
-        self._waited += perf_counter() - left
+        self._waited += perf_counter() - begin
 
     def _listen(self) -> None:
         """Watch the compiler once it is loaded: what never loads it is not made to wait for it."""
@@ -132,14 +137,10 @@ class Progress:
             self._watch = self._entered.enter_context(CompilerWatch(self._compiling))
 
     def _end(self, share: float | None) -> float | None:
-        """Return when it ends if the rest goes as fast as it went since the first share; None: not known."""
-        if share is None:
+        """Return when it ends if the rest goes as fast as what is behind; None: not known yet."""
+        if share is None or share < _LEAST_SHARE:
             return None
-        worked = self._worked()
-        if self._first is None:
-            self._first = worked, share  # what came before, such as connecting to a robot, tells nothing
-        taken, done = worked - self._first[0], share - self._first[1]
-        return None if done < _LEAST_SHARE else perf_counter() + taken * (1.0 - share) / done
+        return perf_counter() + self._worked() * (1.0 / share - 1.0)
 
     def _worked(self) -> float:
         """Return what the job took so far [s], without compiling that is not the job, and without waiting."""

@@ -144,6 +144,7 @@ class OnRobot(RobotParts):
         require_check(self.on, robot, self.driver)
         delay = stored_delay(self.on, robot, self.driver)
         progress("connecting to arm and camera")
-        begun, cell = open_hardware(task, robot, approve, self.driver, delay)
+        with progress.uncounted():
+            begun, cell = open_hardware(task, robot, approve, self.driver, delay)
         with closing(cell):
             yield begun, lambda task, seed: cell

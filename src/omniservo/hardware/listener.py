@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import os
 import socket
 from collections.abc import Callable
@@ -28,8 +27,7 @@ class Listener:
         try:
             self._socket = socket.create_server((host, port))
         except OSError as error:  # whose own words have the address once more
-            code = error.errno or 0
-            why = os.strerror(code) if code in errno.errorcode else error
+            why = os.strerror(error.errno) if error.errno and error.errno > 0 else error
             raise InputError(f"{host}:{port}: cannot be listened at: {why}") from None
         self.port: int = self._socket.getsockname()[1]
         """which is listened at"""

@@ -66,12 +66,12 @@ def joint_speeds(result: RunResult) -> Drawing | None:
 
 
 def executed_speed_shares(log: RunLog, motion: PlannedMotion) -> tuple[FloatArray, FloatArray]:
-    """Return times (k,) [s] between the log's rows and the mean joint speeds there over the arm's (k, n)."""
+    """Return times (k,) [s] between readings of joints, and their mean speeds there over the arm's (k, n)."""
     if len(log.rows) < 2:
         return np.empty(0), np.empty((0, motion.arm.dof))
-    time, joints = log.column("time"), log.column("joints")
-    shares = np.abs(np.diff(joints, axis=0)) / np.diff(time)[:, None] / motion.arm.joint_speed
-    return 0.5 * (time[1:] + time[:-1]), shares
+    time, newer = np.unique(log.column("read_time"), return_index=True)
+    shares = np.abs(np.diff(log.column("joints")[newer], axis=0)) / np.diff(time)[:, None]
+    return 0.5 * (time[1:] + time[:-1]), shares / motion.arm.joint_speed
 
 
 def _executed(axes: Axes, log: RunLog, motion: PlannedMotion) -> float:

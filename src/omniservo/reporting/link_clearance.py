@@ -19,12 +19,12 @@ def link_clearance(result: RunResult) -> Drawing | None:
     near = [link for link, gaps in whole.executed.items() if gaps.min() < FARTHEST]
     if not near:
         return None
-    time = result.log.column("time")
+    time, read = result.log.column("time"), result.log.column("read_time")
     figure, axes = new_axes(5.8, 4.2)
     colours = mpl.colormaps["viridis"](range(0, 256, max(1, 230 // max(1, len(near) - 1))))
     for link, colour in zip(near, colours, strict=False):
         axes.plot(time, 1e3 * whole.planned[link], color=colour, lw=1.2, ls="--")
-        axes.plot(time, 1e3 * whole.executed[link], color=colour, lw=1.8, label=link.replace("_", " "))
+        axes.plot(read, 1e3 * whole.executed[link], color=colour, lw=1.8, label=link.replace("_", " "))
     if whole.asked is not None:
         axes.axhline(1e3 * whole.asked, color=REQUIRED, ls=":", lw=1.6, label=promise_words.REQUIRED)
         if whole.proof.status == "clear":

@@ -23,10 +23,12 @@ class LogRow:
     """path parameter that the time law gave"""
     leg: int
     """which way was followed: 0 the plan's, then what was entered after it"""
+    read_time: float
+    """[s] likewise, of the joints: on a real robot not always as long after that of the image"""
     joints: FloatArray
-    """(n,) [rad]"""
+    """(n,) as read [rad]"""
     planned_joints: FloatArray
-    """(n,) where the plan has them at this time [rad]; NaN without a plan"""
+    """(n,) where the plan has them at ``time`` [rad]; NaN without a plan"""
     joint_velocities: FloatArray
     """(n,) commanded [rad/s]"""
     twist: FloatArray

@@ -67,10 +67,11 @@ ROBOT_FILES = "robot/"
 """and these the robot file's, where the job is done on a real robot."""
 
 REFUSED = "refused"
-"""The reason of an end before the servo: nothing could be planned."""
+"""The reason of an end without a plan: what was seen gave none, which a replay finds again."""
 
 BROKEN_OFF = "broken_off"
-"""The reason of an end that no part of the job brought about: Ctrl-C, an error of the program."""
+"""The reason of an end that what was seen did not bring about: a motion that was not agreed to, an arm that
+was not ready for it, Ctrl-C, an error of the program."""
 
 _PLACES = 101
 """of a path that are shown"""
@@ -93,7 +94,7 @@ class JobRecording:
         self._recording = recording
         self._names: list[str] = []
         self._time = 0.0
-        self._legs, self._has_ended = 0, False
+        self._legs, self._planned, self._has_ended = 0, False, False
         self._read_at = self._shown = np.nan
         self._calls, self._values = bytearray(), array("d")
 
@@ -180,6 +181,7 @@ class JobRecording:
 
     def planned(self, matched: MatchedPoints, estimate: TwoViewEstimate, plan: Plan | None) -> None:
         """Note what is known and what is planned."""
+        self._planned = True
         self._write_calls()
         header = _header(self._time, topics.CAMERA)
         match = MatchMessage(header, matched.initial.ravel(), matched.goal.ravel())
@@ -258,9 +260,9 @@ class JobRecording:
         """Note what ended the job before its time; nothing where the servo had ended."""
         if self._has_ended:
             return
-        refused = isinstance(error, InputError | NoSolutionError | ServoStop)
-        words = str(error) if refused else f"{type(error).__name__}: {error}".removesuffix(": ")
-        self._end(REFUSED if refused else BROKEN_OFF, words)
+        said = isinstance(error, InputError | NoSolutionError | ServoStop)
+        words = str(error) if said else f"{type(error).__name__}: {error}".removesuffix(": ")
+        self._end(REFUSED if said and not self._planned else BROKEN_OFF, words)
 
     def _write_calls(self) -> None:
         if self._calls:

@@ -70,6 +70,7 @@ class Recorder:
                 time=step.time,
                 w=report.w,
                 leg=0 if self._replanner is None else self._replanner.leg_number(step.time),
+                read_time=step.time + step.state.time - step.image.time,
                 joints=step.state.joint_positions,
                 planned_joints=self._planned(step),
                 joint_velocities=step.passed.target,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -88,7 +89,7 @@ def read_executed(folder: Path, scene: Scene, plan: Plan | None) -> ExecutedRun 
         world_T_initial,
         world_T_initial * poses,
         table[:, error],
-        _ended(folder / "metrics.json"),
+        _ended(_metrics(folder / "metrics.json")),
         plan,
     )
 
@@ -100,16 +101,18 @@ def executed_of(result: RunResult, world_T_initial: RigidTransform) -> ExecutedR
         return None
     turns = Rotation.from_rotvec(log.column("measured_rotation"))
     poses = RigidTransform.from_components(log.column("measured_position"), turns)
-    status = str(result.metrics.get("status", "unknown"))
     return ExecutedRun(
         log.column("time"), np.where(log.column("leg") == 0.0, log.column("w"), np.nan), log.column("joints"),
         world_T_initial, world_T_initial * poses, log.column("error_px"),
-        f"{status}{f': {log.stop_message}' if log.stop_message else ''}", result.plan,
+        _ended(result.metrics), result.plan,
     )  # fmt: skip
 
 
-def _ended(path: Path) -> str:
+def _metrics(path: Path) -> dict[str, Any]:
     metrics: Any = read_document(path) if path.is_file() else {}
-    status = metrics.get("status", "unknown") if isinstance(metrics, dict) else "unknown"
-    reason = metrics.get("reason") if isinstance(metrics, dict) else None
-    return f"{status}{f': {reason}' if reason else ''}"
+    return metrics if isinstance(metrics, dict) else {}
+
+
+def _ended(metrics: Mapping[str, Any]) -> str:
+    reason = metrics.get("reason")
+    return f"{metrics.get('status', 'unknown')}{f': {reason}' if reason else ''}"
