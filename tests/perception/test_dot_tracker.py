@@ -87,6 +87,15 @@ def test_beyond_the_gate_a_dot_is_not_taken():
     assert not valid.any()
 
 
+def test_up_to_the_gate_a_dot_is_taken():
+    true, image = picture()
+    outwards = (true[0] - true[4]) / np.linalg.norm(true[0] - true[4])  # away from all others
+    for off, taken in ((11.8, True), (12.2, False)):
+        pixels, valid = DotTracker(CAMERA, gate_px=12.0).update(image, true[:1] + off * outwards)
+        assert valid.tolist() == [taken]
+        assert not taken or np.linalg.norm(pixels - true[:1]) < 0.1
+
+
 def test_two_predictions_never_share_a_dot():
     true, image = picture()
     predicted = np.array([true[4] + [1.0, 0.0], true[4] + [-2.0, 0.0]])

@@ -23,7 +23,7 @@ from omniservo.planning import (
 )
 from omniservo.planning.end_poses import margins_at_ends
 from omniservo.replanning import replan
-from omniservo.replanning.frame_change import problem_from, shifted_motion
+from omniservo.replanning.frame_change import problem_from, seen_workspace, shifted_motion
 from omniservo.replanning.rest_of_path import rest_controls
 from omniservo.verification import verify_plan
 
@@ -269,3 +269,21 @@ def test_a_path_that_turns_the_other_way_round_is_searched_anew(paper):
     goal = RigidTransform.from_components(problem.goal_translation, ahead)
     new = replan(old, 0.0, replace(problem, initial_T_goal=goal))
     assert new.status == "certified"
+
+
+@pytest.mark.parametrize("shift", [[0.0, 0.0, 0.0], [0.2, -0.1, 0.3]], ids=["", "shifted"])
+@pytest.mark.parametrize("turn", [[0.0, 0.0, 0.0], [0.3, -0.5, 1.0]], ids=["", "turned"])
+def test_a_workspace_is_the_same_places_in_any_other_frame(shift, turn):
+    def inside(workspace, places):
+        walls = [(np.array(side.normal), side.offset) for side in workspace.half_spaces]
+        kept = np.all([places @ normal >= offset for normal, offset in walls], axis=0)
+        if workspace.min is not None:
+            kept &= ((places >= workspace.min) & (places <= workspace.max)).all(axis=1)
+        return kept
+
+    workspace = Workspace([-0.5, -0.6, -0.5], [0.5, 0.4, 0.7], (HalfSpace([0.0, 0.6, 0.8], -0.3),))
+    here = RigidTransform.from_components(shift, Rotation.from_rotvec(turn))
+    places = np.random.default_rng(0).uniform(-0.8, 0.8, (2000, 3))
+    wanted = inside(workspace, places)
+    assert 0.2 < wanted.mean() < 0.8
+    np.testing.assert_array_equal(inside(seen_workspace(workspace, here), here.apply(places)), wanted)

@@ -327,3 +327,25 @@ def test_masked_pixels_are_refused_and_not_taken_for_seen():
     masked[2] = np.ma.masked
     with pytest.raises(InputError, match="pixels: 2 masked entries given; mark a lost point in valid"):
         tracker_of().step(0.0, masked)
+
+
+@pytest.mark.parametrize("axis", np.vstack([np.eye(6), np.ones(6)]), ids=[*"xyz", *"abc", "all"])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_it_is_near_up_to_the_stated_length_and_angle_about_any_axis(axis, sign):
+    goal = RigidTransform.from_components([0.1, -0.2, 0.3], Rotation.from_rotvec([0.5, -1.2, 2.0]))
+    options = TrackerOptions(settled_frames=1, tolerance_m=2e-3, tolerance_rad=5e-3)
+    away, turned = (part / max(np.linalg.norm(part), 1.0) for part in (axis[:3], axis[3:]))
+
+    def row(share):
+        pose = RigidTransform.from_components(
+            goal.translation + share * 2e-3 * away,
+            goal.rotation * Rotation.from_rotvec(share * 5e-3 * turned),
+        )
+        return np.concatenate((sign * pose.rotation.as_quat(), pose.translation))
+
+    stop = StopCriterion(np.concatenate((goal.rotation.as_quat(), goal.translation)), options)
+    assert [stop.holds(time, 0.0, row(share)) for time, share in enumerate((0.0, 0.98, 1.02))] == [
+        True,
+        True,
+        False,
+    ]
