@@ -291,6 +291,19 @@ def test_a_chunk_that_grows_takes_no_memory(tmp_path):
     tracemalloc.stop()
 
 
+def test_long_names_of_types_take_no_memory(tmp_path):
+    import tracemalloc
+
+    path, long = tmp_path / "names.mcap", "a" * 2**22
+    schemas = [record(3, struct.pack("<H", i) + text(long) + text("") + text("")) for i in range(20)]
+    path.write_bytes(MAGIC + b"".join(map(chunk, schemas)))
+    recorded = RecordedRun(path)
+    tracemalloc.start()
+    assert list(recorded) == []
+    assert tracemalloc.get_traced_memory()[1] < 8 * 2**22
+    tracemalloc.stop()
+
+
 def test_no_flipped_byte_makes_another_error_than_one_in_words(file):
     data = file.read_bytes()
     random = np.random.default_rng(0)

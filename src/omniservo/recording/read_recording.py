@@ -29,6 +29,9 @@ MOST_BYTES = 2**28
 MOST_CHANNELS = 10_000
 """So many topics and types are distinguished; more are no recording of ours."""
 
+_LONGEST_NAME = 200
+"""letters of a type's name that are kept: of a longer one, which is none of ours, few stay in memory"""
+
 _WINDOW = 2**27
 """[bytes] that the decompressor looks back, at most"""
 
@@ -154,7 +157,7 @@ class RecordedRun:
         fields = _Fields(content)
         if kind == _SCHEMA:
             number, name = fields.u16(), fields.text()
-            self._schemas[number] = name
+            self._schemas[number] = name[:_LONGEST_NAME]
         elif kind == _CHANNEL:
             self._channel(fields)
         elif kind == _MESSAGE:
