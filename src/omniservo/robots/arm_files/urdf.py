@@ -104,7 +104,7 @@ class _Urdf:
     def _rename_world(self, links: list[XmlElement], joints: list[XmlElement]) -> None:
         """Call a link ``world`` otherwise: MuJoCo makes it the world, whose shapes are no part of an arm."""
         names = [(link, "name") for link in links]
-        names += [(end, "link") for joint in joints for end in joint.iterfind("*") if end.get("link")]
+        names += [(end, "link") for joint in joints for end in self._fields.children(joint)]
         for element, attribute in names:
             if element.get(attribute, "").strip() == "world":
                 element.set(attribute, _NOT_WORLD)
