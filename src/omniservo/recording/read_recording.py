@@ -68,6 +68,8 @@ class Recorded:
     """when it became known [s]"""
     message: RosMessage
     """of the topic's type"""
+    size: int
+    """as it is stored [bytes]"""
 
 
 Entry: TypeAlias = Attachment | Parameters | Recorded
@@ -186,11 +188,12 @@ class RecordedRun:
         topic = self._topics.get(number)
         if topic is None:
             return
+        data = fields.rest()
         try:
-            message = decode(TYPES[topic], fields.rest())
+            message = decode(TYPES[topic], data)
         except InputError as error:
             raise InputError(f"{topic}: {error}") from None
-        yield Recorded(topic, time * 1e-9, message)
+        yield Recorded(topic, time * 1e-9, message, len(data))
 
     def _error(self, place: int, what: str) -> InputError:
         return InputError(f"{self.path}: damaged at byte {place}: {what}")
