@@ -206,6 +206,15 @@ def test_a_file_of_that_name_is_not_overwritten(file):
     assert file.read_bytes() != before
 
 
+@pytest.mark.parametrize("time", [np.nan, np.inf, 1e12])
+@pytest.mark.parametrize("of", ["time", "stamp"])
+def test_a_time_that_is_none_is_refused(tmp_path, time, of):
+    path = tmp_path / "run.mcap"
+    with RunRecording(path) as recording, pytest.raises(InputError, match="time"):
+        recording.write("/rosout", LogMessage(msg="?"), **({"time": 0.0} | {of: time}))
+    assert list(RecordedRun(path)) == []
+
+
 def record(kind, content):
     return struct.pack("<BQ", kind, len(content)) + content
 
