@@ -30,6 +30,9 @@ SIZES: dict[Kind, int] = {
     "half_space": 0,
 }
 
+_FEWEST = 3
+"""vertices of a hull, which may be flat"""
+
 _NEAR_UNIT = 1e-6
 
 _THINNEST = 1e-6
@@ -42,7 +45,8 @@ class Solid:
     """A convex body in the frame that it is stated in.
 
     Raises:
-        InputError: a size that is negative, not finite, or of another length than the kind has.
+        InputError: a size that is negative, not finite, or of another length than the kind has; a hull of
+            fewer than 3 vertices.
     """
 
     name: str
@@ -70,6 +74,8 @@ class Solid:
             raise InputError(f"{self.name}: a hull has vertices, and nothing else has")
         if self.vertices is not None:
             corners = finite_array(f"{self.name}: vertices", self.vertices, (None, 3))
+            if len(corners) < _FEWEST:
+                raise InputError(f"{self.name}: {len(corners)} vertices given; legal: at least {_FEWEST}")
             object.__setattr__(self, "vertices", frozen(corners))
 
     @classmethod
