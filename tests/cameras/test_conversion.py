@@ -173,6 +173,12 @@ def test_a_fold_inside_the_image_is_said_and_stays_outside_the_camera():
     assert conversion.residual.lost < 0.02
 
 
+def test_a_distorted_pinhole_camera_with_a_mask_is_a_unified_one():
+    fields = {"distortion": (-0.25, 0.08, 1e-3, 5e-4), "mask": MASK}
+    found = to_unified(Pinhole(500.0, 501.0, 320.0, 240.0, 640, 480, **fields))
+    assert found.camera == UnifiedCamera(500.0, 501.0, 320.0, 240.0, 0.0, 640, 480, **fields)
+
+
 def test_a_mask_is_kept_and_costs_nothing():
     fields = {"k": KB, "max_angle": 1.2}
     masked = KannalaBrandt(190.0, 190.0, 255.0, 255.0, 512, 512, **fields, mask=MASK)

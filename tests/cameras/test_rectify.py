@@ -89,6 +89,17 @@ def test_cylinder_spans_its_field_and_is_invertible(field):
     assert not view.unproject([np.nan, 0.0])[1]
 
 
+def test_the_cylinder_refuses_what_other_cameras_refuse():
+    view = cylindrical_view(1.0, (30, 20))
+    for points in ([1.0, 2.0], [[1.0, 2.0, 3.0, 4.0]], ["a", "b", "c"]):
+        with pytest.raises(InputError, match="points"):
+            view.project(points)
+    with pytest.raises(InputError, match="pixels"):
+        view.unproject([1.0, 2.0, 3.0])
+    assert view.project(np.empty((0, 4, 3)))[0].shape == (0, 4, 2)
+    assert view.unproject(np.empty((0, 4, 2)))[0].shape == (0, 4, 3)
+
+
 def test_upright_lines_stay_upright_on_the_cylinder():
     camera = preset("fe185")
     image = painted(camera, lambda b: 255.0 * np.exp(-(((b[..., 0] - 0.8 * b[..., 2]) / 0.01) ** 2)))
@@ -163,6 +174,8 @@ def test_up_turns_the_view():
         ({"field_of_view": math.pi}, "field_of_view"),
         ({"field_of_view": 0.0}, "field_of_view"),
         ({"size": (0, 5)}, "size"),
+        ({"size": (5.5, 5)}, "size: 5.5 given; a whole number"),
+        ({"size": 5}, "size"),
         ({"up": (0, 0, 2)}, "up"),
         ({"up": (0, 0, 0)}, "up"),
     ],

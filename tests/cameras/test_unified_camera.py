@@ -84,6 +84,16 @@ def test_points_of_another_shape_or_kind_are_refused(points):
             method(points)
 
 
+def test_arrays_with_masked_entries_are_refused_and_those_without_are_read():
+    camera = preset("fe185")
+    for method, width in ((camera.project, 3), (camera.unproject, 2), (camera.in_image, 2)):
+        given = np.ma.array(np.ones((2, width)), mask=np.zeros((2, width)))
+        method(given)
+        given[1] = np.ma.masked
+        with pytest.raises(InputError, match=f"{width} masked entries"):
+            method(given)
+
+
 def test_ragged_pixels_are_refused():
     camera = preset("fe185")
     for method in (camera.unproject, camera.unproject_jacobian, camera.in_image):

@@ -206,6 +206,15 @@ def test_a_file_of_that_name_is_not_overwritten(file):
     assert file.read_bytes() != before
 
 
+@pytest.mark.parametrize("time", [np.nan, np.inf, 1e12])
+@pytest.mark.parametrize("of", ["time", "stamp"])
+def test_a_time_that_is_none_is_refused(tmp_path, time, of):
+    path = tmp_path / "run.mcap"
+    with RunRecording(path) as recording, pytest.raises(InputError, match="time"):
+        recording.write("/rosout", LogMessage(msg="?"), **({"time": 0.0} | {of: time}))
+    assert list(RecordedRun(path)) == []
+
+
 def record(kind, content):
     return struct.pack("<BQ", kind, len(content)) + content
 
@@ -288,6 +297,19 @@ def test_a_chunk_that_grows_takes_no_memory(tmp_path):
     with pytest.raises(InputError, match="more or fewer"):
         list(RecordedRun(path))
     assert tracemalloc.get_traced_memory()[1] < 2**26
+    tracemalloc.stop()
+
+
+def test_long_names_of_types_take_no_memory(tmp_path):
+    import tracemalloc
+
+    path, long = tmp_path / "names.mcap", "a" * 2**22
+    schemas = [record(3, struct.pack("<H", i) + text(long) + text("") + text("")) for i in range(20)]
+    path.write_bytes(MAGIC + b"".join(map(chunk, schemas)))
+    recorded = RecordedRun(path)
+    tracemalloc.start()
+    assert list(recorded) == []
+    assert tracemalloc.get_traced_memory()[1] < 8 * 2**22
     tracemalloc.stop()
 
 

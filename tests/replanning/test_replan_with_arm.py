@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 from tests.whole_arm.arm_scenes import led_tasks, random_task
 
-from omniservo.errors import InputError
+from omniservo.errors import Blocked, InputError
 from omniservo.planning import (
     Box,
     CameraPath,
@@ -27,6 +27,8 @@ from omniservo.planning.widened import widened
 from omniservo.replanning import replan_with_arm
 from omniservo.replanning.replan_with_arm import with_room
 from omniservo.robots import arm_clearance, load_arm
+from omniservo.servoing import RestToRestLaw
+from omniservo.tracking import FollowingArm, PathTracker, Replanner
 from omniservo.verification import verify_plan
 from omniservo.whole_arm import plan_with_arm
 from omniservo.whole_arm.arm_descent import LEAP
@@ -273,6 +275,19 @@ def test_a_part_of_the_joints_is_the_same_motion(planned):
         assert part(s, order) == pytest.approx(whole, abs=1e-9)
     assert part.limit_margins == pytest.approx(setting.arm.limit_margins(part.positions))
     assert 0.0 < part.travel < found.branch.travel
+
+
+def test_what_changes_after_the_way_has_ended_is_answered_from_where_the_arm_stands(planned):
+    problem, setting, found = planned
+    tracker = PathTracker(found.plan, problem.camera, time_law=RestToRestLaw(4.0))
+    replanner = Replanner(tracker, found.plan, arm=FollowingArm(setting, found.branch, None))
+    far = tuple(replace(o, radius=0.9 * o.radius) for o in problem.obstacles)
+    replanner.set_obstacles(far)
+    assert replanner.look(5.0).outcome == "kept"
+    inside = setting.base_T_initial.inv().apply(setting.arm.base_T_flange(found.branch(1.0)).translation)
+    replanner.set_obstacles([*far, Sphere(inside, 0.01)])
+    with pytest.raises(Blocked, match="too near to the goal|is not clear"):
+        replanner.look(6.0)
 
 
 def test_seven_joints_that_were_led_go_on_to_where_they_were_led():

@@ -149,3 +149,10 @@ def test_reserve_narrows_the_range(arm):
     q = np.deg2rad([0, 0, 0, 0, 120, 0])
     assert arm.within_limits(q)
     assert not arm.within_limits(q, reserve=np.deg2rad(1.0))
+
+
+@pytest.mark.parametrize("shape", [(), (5,), (5, 1), (2, 7)])
+def test_room_to_the_limits_is_that_of_as_many_joints_as_the_arm_has(arm, shape):
+    assert arm.limit_margins(np.zeros((4, 0, 6))).shape == (4, 0, 6)
+    with pytest.raises(InputError, match="q"):
+        arm.limit_margins(np.zeros(shape))

@@ -503,6 +503,8 @@ def test_wrong_solids_and_clearances_are_named():
         Solid.sphere("table", [0, 0, 0], -1.0)
     with pytest.raises(InputError, match=r"kind: 'cone' given; legal: sphere, capsule"):
         Solid("x", "cone", [1.0], RigidTransform.identity())
+    with pytest.raises(InputError, match="table: 2 vertices given; legal: at least 3"):
+        Solid("table", "hull", np.zeros(0), RigidTransform.identity(), np.eye(3)[:2])
     with pytest.raises(InputError, match="hull has vertices"):
         Solid("x", "hull", [], RigidTransform.identity())
     with pytest.raises(InputError, match="'table' is given twice"):

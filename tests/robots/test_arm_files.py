@@ -11,7 +11,7 @@ from tests.files.test_collada import document
 from urdf_arms import CYLINDER, SEVEN, SIX, fingers, urdf, urdf_forward
 
 from omniservo.errors import InputError
-from omniservo.robots import Arm, load_arm, shipped_arms
+from omniservo.robots import Arm, ArmBodies, load_arm, shipped_arms
 from omniservo.robots.arm_files import SHOWN_GROUP
 
 MESH = '<mesh filename="{}" scale="0.5 1 1"/>'
@@ -203,6 +203,18 @@ def test_links_called_like_the_simulators_bodies_get_another_name(tmp_path):
     names = [link.name for link in read(tmp_path, text).links]
     assert "camera" not in names
     assert "floor" not in names
+
+
+@pytest.mark.parametrize("name", ["base_link", "pan_link"])
+def test_a_link_called_world_is_a_link_like_any_other(tmp_path, name):
+    """Its shapes are named, drawn, touched and kept off others, its joint's bearing left out."""
+    text = re.sub("<collision>.*?</collision>", "", urdf(), count=name == "base_link", flags=re.DOTALL)
+    same = read(tmp_path, text)
+    called = read(tmp_path, text.replace(f'"{name}"', '"world"'))
+    assert [link.shapes for link in called.links] == [link.shapes for link in same.links]
+    assert [notice.replace("world link", name) for notice in called.notices] == list(same.notices)
+    np.testing.assert_array_equal(called.chain.axes, same.chain.axes)
+    np.testing.assert_array_equal(ArmBodies(called).pairs, ArmBodies(same).pairs)
 
 
 @pytest.mark.parametrize("name", ["tool0", "camera"])

@@ -402,6 +402,19 @@ def test_pieces_between_two_places_are_the_same_motion(followed):
         np.testing.assert_array_equal(part, all_of_it)
 
 
+def test_a_part_without_length_stands_still_and_what_is_not_on_the_path_is_refused(followed):
+    branch = max(followed[2].branches, key=lambda b: b.w[-1])
+    last = branch.w[-1]
+    for begin, end in ((last, last), (last, last + 1e-9), (-1.0, 0.0), (0.3 * last, 0.3 * last)):
+        knots, pieces = branch.bernstein_pieces(begin, end)
+        place = min(max(begin, 0.0), last) if begin >= 0.0 else 0.0
+        assert knots.tolist() == [place, place]
+        np.testing.assert_array_equal(pieces, np.tile(branch(place), (1, 6, 1)))
+    for begin, end in ((0.5 * last, 0.2 * last), (last + 1.0, last + 2.0), (-2.0, -1.0), (np.nan, 1.0)):
+        with pytest.raises(InputError, match="begin"):
+            branch.bernstein_pieces(begin, end)
+
+
 def test_joint_path_is_not_read_beyond_its_end(followed):
     branch = followed[2].best
     with pytest.raises(InputError, match="w: .* given"):

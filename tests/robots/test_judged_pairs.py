@@ -304,3 +304,12 @@ def test_what_is_put_beside_an_arm_takes_none_of_the_defaults_of_its_file(tmp_pa
     np.testing.assert_allclose(found[1], gaps, atol=1e-9)
     assert found[2] == touching
     assert {("camera", "obstacle"), ("camera", "post"), ("camera", "floor")} <= touching
+
+
+@pytest.mark.parametrize(
+    ("normal", "offset"), [([0, 0, 0.5], 0.2), ([0, 0, 0], 0.2), ([0, 0, np.nan], 0.2), ([0, 0, 1], np.nan)]
+)
+def test_a_half_space_whose_normal_is_not_of_length_1_is_refused(normal, offset):
+    """0.5 z ≤ 0.2 ends at 0.4; it was taken to end at 0.1."""
+    with pytest.raises(InputError, match="table: (normal|offset)"):
+        Solid.half_space("table", normal, offset)

@@ -8,7 +8,16 @@ import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 from tests.robots.joint_paths import straight_joint_path
 
-from omniservo.robots import CAMERA_HOUSING, MountedCamera, Solid, load_arm, own_sight
+from omniservo.errors import InputError
+from omniservo.robots import (
+    CAMERA_HOUSING,
+    ArmBodies,
+    MountedCamera,
+    Solid,
+    arm_clearance,
+    load_arm,
+    own_sight,
+)
 from omniservo.robots.collision.own_sight import _Lines, own_sight_in
 from omniservo.robots.collision.sight_kernel import SURFACE
 
@@ -433,3 +442,12 @@ def test_a_mounted_body_that_holds_the_cameras_centre_is_looked_out_of(arm, kind
         place = RigidTransform.from_translation([0.0, 0.0, ahead])
         body = Solid("body", kind, size[kind], place, corners)
         assert own_sight_in(arm, START, MountedCamera(MOUNT, (body,)), point).status == status
+
+
+@pytest.mark.parametrize("joints", [5, 7])
+def test_a_path_of_another_number_of_joints_is_refused(arm, joints):
+    path = straight_joint_path(np.zeros(joints), np.full(joints, 0.1))
+    with pytest.raises(InputError, match=f"path: of {joints} joints; .* has 6"):
+        own_sight(arm, path, CAMERA, [[0.5, 0.0, 0.5]])
+    with pytest.raises(InputError, match=f"path: of {joints} joints; .* has 6"):
+        arm_clearance(ArmBodies(arm), path, clearance=0.0)

@@ -18,7 +18,8 @@ from omniservo.cli.main import main
 from omniservo.errors import InputError, NoSolutionError
 from omniservo.files import noting_reads
 from omniservo.recording import Attachment, Parameters, Recorded, RecordedRun, RunRecording, topics
-from omniservo.runs import export_run, replay_run, run_into, run_task
+from omniservo.recording.recorded_messages import LogMessage, MatchMessage
+from omniservo.runs import export_run, recorded_job, replay_run, run_into, run_task
 from omniservo.runs.comparison import Comparison
 from omniservo.schemas import json_schema
 from omniservo.tasks import load_task
@@ -397,6 +398,22 @@ def test_the_export_command_refuses_what_it_cannot_export(run, recording, tmp_pa
     assert "exists; --force replaces it" in out.err
     code, out = told(["export", tmp_path / "nothing"], capsys)
     assert code == 2
+
+
+def test_what_stands_between_plan_and_servo_takes_little_memory(tmp_path, monkeypatch):
+    monkeypatch.setattr(recorded_job, "MOST_FILES", 2**20)
+    path, said = tmp_path / "long.mcap", LogMessage(msg="a" * 2**18)
+    for count in (3, 5):
+        with RunRecording(path, force=True) as file:
+            file.write(topics.MATCH, MatchMessage(), 0.0)
+            for _ in range(count):
+                file.write(topics.EVENTS, said, 0.0)
+        job = recorded_job.RecordedJob(RecordedRun(path))
+        if count * 2**18 < 2**20:
+            assert job.documents() == (None, None)
+        else:
+            with pytest.raises(InputError, match="more than 1048576 bytes between plan and servo"):
+                job.documents()
 
 
 def test_another_process_reads_it_alone(recording):

@@ -24,6 +24,14 @@ REFUSED = {
     "a huge texture": (
         {"asset": "<texture type='2d' builtin='flat' width='100000' height='9'/>"}, "at most 4096 a side", "",
     ),
+    "a cube, of which MuJoCo makes six sides": (
+        {"asset": "<texture name='c' builtin='flat' width='4096'/>"}, "4096 × 4096 given", "",
+    ),
+    "a texture of fewer pixels than none": (
+        {"asset": "".join(f"<texture name='{name}' type='2d' builtin='flat' width='{width}' height='4096'/>"
+                          for name, width in (("a", -4096), ("b", 4096), ("c", 4096), ("d", 4096)))},
+        "4096 × 4096 given", "",
+    ),
     "a huge height field": (
         {"asset": "<hfield name='h' nrow='90000' ncol='9' size='1 1 1 1'/>"}, "at most 4096 a side", "",
     ),

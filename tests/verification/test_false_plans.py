@@ -282,6 +282,7 @@ def test_every_number_of_the_file_that_is_not_finite_is_refused(honest):
         (("problem", "obstacles", 0, "radius"), -1.0, ">= 0"),
         (("problem", "clearance"), -1.0, ">= 0"),
         (("problem", "occlusion"), 1, "true, false"),
+        (("problem", "degrees"), {"rotation": 2.9, "translation": 2}, "whole numbers"),
         (("problem", "workspace"), {"min": [0, 0, 0]}, "workspace.max"),
         (("problem", "workspace", "half_spaces", 0, "normal"), [0, 0, 1.1], "1e-6"),
         (("problem", "workspace", "half_spaces", 0, "offset"), None, "a number"),

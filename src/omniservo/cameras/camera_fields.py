@@ -12,7 +12,7 @@ import numpy.typing as npt
 from omniservo.cameras.dead_zone import LARGEST_PX, DeadZone
 from omniservo.cameras.image_mask import ImageMask, distance_beyond
 from omniservo.errors import InputError, did_you_mean, spelled, spelled_name
-from omniservo.geometry.arrays import BoolArray, FloatArray, finite_number
+from omniservo.geometry.arrays import BoolArray, FloatArray, finite_number, refuse_masked
 
 _LARGEST_IMAGE = 100_000
 _LEAST_FOCAL = 1e-6
@@ -42,8 +42,9 @@ def rows_of(name: str, value: npt.ArrayLike, width: int) -> tuple[FloatArray, tu
     """Return ``value`` (…, width) as contiguous float64 rows, and the shape of its leading axes.
 
     Raises:
-        InputError: not numbers, or another last axis.
+        InputError: not numbers, another last axis, or with masked entries.
     """
+    refuse_masked(name, value)
     try:
         array = np.asarray(value)
     except ValueError:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from omniservo.cameras.camera_fields import rows_of
 from omniservo.geometry.arrays import BoolArray, FloatArray
 
 
@@ -22,19 +23,21 @@ class CylindricalView:
 
     def unproject(self, pixels: npt.ArrayLike) -> tuple[FloatArray, BoolArray]:
         """Return the bearings (…, 3) that pixels (…, 2) [px] see, and valid (…): within half a turn."""
-        given = np.asarray(pixels, dtype=np.float64)
-        longitude = (given[..., 0] - 0.5 * (self.width - 1)) / self.focal_length
-        height = (given[..., 1] - 0.5 * (self.height - 1)) / self.focal_length
+        rows, shape = rows_of("pixels", pixels, 2)
+        longitude = (rows[:, 0] - 0.5 * (self.width - 1)) / self.focal_length
+        height = (rows[:, 1] - 0.5 * (self.height - 1)) / self.focal_length
         rays = np.stack([np.sin(longitude), height, np.cos(longitude)], axis=-1)
         valid = np.isfinite(height) & (np.abs(longitude) <= math.pi * (1.0 + 1e-12))
         bearings = rays / np.hypot(1.0, height)[..., None]
-        return np.where(valid[..., None], bearings, np.nan), valid
+        bearings = np.where(valid[:, None], bearings, np.nan)
+        return bearings.reshape(*shape, 3), valid.reshape(shape)
 
     def project(self, points: npt.ArrayLike) -> tuple[FloatArray, BoolArray]:
         """Return the pixels (…, 2) [px] of points (…, 3), and valid (…): not on the cylinder's axis."""
-        given = np.asarray(points, dtype=np.float64)
-        across = np.hypot(given[..., 0], given[..., 2])
-        valid = np.isfinite(given).all(axis=-1) & (across > 0.0)
-        u = self.focal_length * np.arctan2(given[..., 0], given[..., 2]) + 0.5 * (self.width - 1)
-        v = self.focal_length * given[..., 1] / np.where(valid, across, 1.0) + 0.5 * (self.height - 1)
-        return np.where(valid[..., None], np.stack([u, v], axis=-1), np.nan), valid
+        rows, shape = rows_of("points", points, 3)
+        across = np.hypot(rows[:, 0], rows[:, 2])
+        valid = np.isfinite(rows).all(axis=1) & (across > 0.0)
+        u = self.focal_length * np.arctan2(rows[:, 0], rows[:, 2]) + 0.5 * (self.width - 1)
+        v = self.focal_length * rows[:, 1] / np.where(valid, across, 1.0) + 0.5 * (self.height - 1)
+        pixels = np.where(valid[:, None], np.stack([u, v], axis=1), np.nan)
+        return pixels.reshape(*shape, 2), valid.reshape(shape)

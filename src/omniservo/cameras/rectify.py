@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
+from omniservo.cameras.camera_fields import image_size, numbers
 from omniservo.cameras.cylindrical_view import CylindricalView
 from omniservo.cameras.models.central_model import CentralModel
 from omniservo.cameras.models.equirectangular import Equirectangular
@@ -80,7 +81,7 @@ def rectify(
     if source.dtype.kind not in "uif":
         raise InputError(f"image: {source.dtype} given; numbers are needed")
     camera_R_view = _orientation(direction, up)
-    numbers = source if source.dtype.kind != "f" else source.astype(np.float64, copy=False)
+    values = source if source.dtype.kind != "f" else source.astype(np.float64, copy=False)
     resampled = np.zeros((view.height, view.width, *source.shape[2:]), dtype=source.dtype)
     valid = np.zeros((view.height, view.width), dtype=np.bool_)
     for rows in _blocks(view.height, view.width):
@@ -88,8 +89,8 @@ def rectify(
         rays, there = view.unproject(np.stack([u, v], axis=-1))
         pixels, seen = camera.project(camera_R_view.apply(rays.reshape(-1, 3)).reshape(rays.shape))
         valid[rows] = there & seen & camera.in_image(np.where(seen[..., None], pixels, -1e6))
-        values = _resampled(numbers, pixels, valid[rows])
-        resampled[rows] = np.rint(values) if resampled.dtype.kind in "ui" else values
+        block = _resampled(values, pixels, valid[rows])
+        resampled[rows] = np.rint(block) if resampled.dtype.kind in "ui" else block
     return RectifiedView(resampled, valid, view, camera_R_view)
 
 
@@ -150,9 +151,8 @@ def equirectangular_view(size: tuple[int, int]) -> Equirectangular:
 
 
 def _size(size: tuple[int, int]) -> tuple[int, int]:
-    if len(size) != 2:
-        raise InputError(f"size: {size!r} given; legal: (width, height)")
-    width, height = (int(finite_number("size", s, minimum=1, maximum=_LARGEST_SIDE)) for s in size)
+    sides = numbers("size", size, (2,), "(width, height)", _LARGEST_SIDE)
+    width, height = (image_size("size", side) for side in sides)
     if width * height > _LARGEST_IMAGE:
         raise InputError(f"size: {width}x{height} given; legal: at most {_LARGEST_IMAGE} pixels")
     return width, height

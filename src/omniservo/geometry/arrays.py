@@ -38,6 +38,12 @@ def finite_array(name: str, value: npt.ArrayLike, shape: Sequence[int | None]) -
     return array
 
 
+def refuse_masked(name: str, value: Any) -> None:
+    """Raise InputError where an array has masked entries: NumPy hands out the numbers under the mask."""
+    if isinstance(value, np.ma.MaskedArray) and value.mask.any():
+        raise InputError(f"{name}: {value.mask.sum()} masked entries given; every number is needed")
+
+
 def finite_number(
     name: str, value: Any, *, minimum: float = -math.inf, maximum: float = math.inf, above: float = -math.inf
 ) -> float:
@@ -97,8 +103,7 @@ def _is_of_shape(array: FloatArray, wanted: tuple[int | None, ...]) -> bool:
 
 
 def _as_floats(name: str, value: npt.ArrayLike) -> FloatArray:
-    if isinstance(value, np.ma.MaskedArray) and value.mask.any():
-        raise InputError(f"{name}: {value.mask.sum()} masked entries given; every number is needed")
+    refuse_masked(name, value)
     try:
         if isinstance(value, list | tuple) and _holds_flag(value):
             raise TypeError

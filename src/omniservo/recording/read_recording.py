@@ -29,6 +29,9 @@ MOST_BYTES = 2**28
 MOST_CHANNELS = 10_000
 """So many topics and types are distinguished; more are no recording of ours."""
 
+_LONGEST_NAME = 200
+"""letters of a type's name that are kept: of a longer one, which is none of ours, few stay in memory"""
+
 _WINDOW = 2**27
 """[bytes] that the decompressor looks back, at most"""
 
@@ -65,6 +68,8 @@ class Recorded:
     """when it became known [s]"""
     message: RosMessage
     """of the topic's type"""
+    size: int
+    """as it is stored [bytes]"""
 
 
 Entry: TypeAlias = Attachment | Parameters | Recorded
@@ -154,7 +159,7 @@ class RecordedRun:
         fields = _Fields(content)
         if kind == _SCHEMA:
             number, name = fields.u16(), fields.text()
-            self._schemas[number] = name
+            self._schemas[number] = name[:_LONGEST_NAME]
         elif kind == _CHANNEL:
             self._channel(fields)
         elif kind == _MESSAGE:
@@ -183,11 +188,12 @@ class RecordedRun:
         topic = self._topics.get(number)
         if topic is None:
             return
+        data = fields.rest()
         try:
-            message = decode(TYPES[topic], fields.rest())
+            message = decode(TYPES[topic], data)
         except InputError as error:
             raise InputError(f"{topic}: {error}") from None
-        yield Recorded(topic, time * 1e-9, message)
+        yield Recorded(topic, time * 1e-9, message, len(data))
 
     def _error(self, place: int, what: str) -> InputError:
         return InputError(f"{self.path}: damaged at byte {place}: {what}")

@@ -12,6 +12,7 @@ from mcap.writer import Writer
 
 from omniservo.errors import NotWritten
 from omniservo.files import writable
+from omniservo.geometry.arrays import finite_number
 from omniservo.recording.topics import DROPPED, FORMAT, PARAMETERS, TYPES
 from omniservo.ros_messages import RosMessage, definition, encode
 
@@ -19,6 +20,9 @@ _CHUNK = 2**17
 """[bytes] of messages that are compressed and written together: what a crash loses, or one image"""
 
 _LIBRARY = "omniservo"
+
+_LATEST = 1.8e10
+"""[s]; 2⁶⁴ ns are a little more"""
 
 
 @dataclass(frozen=True)
@@ -109,7 +113,7 @@ class RunRecording:
             stamp: what it is about [s]; None: the same.
 
         Raises:
-            InputError: a value does not fit its field.
+            InputError: a value does not fit its field, or a time is none.
         """
         self._add(topic, encode(message), time, time if stamp is None else stamp)
 
@@ -172,5 +176,9 @@ class RunRecording:
 
 
 def nanoseconds(seconds: float) -> int:
-    """Return a time in whole nanoseconds; MCAP has none before 0."""
-    return max(round(seconds * 1e9), 0)
+    """Return a time in whole nanoseconds; MCAP has none before 0.
+
+    Raises:
+        InputError: not finite, or later than MCAP has.
+    """
+    return max(round(finite_number("time", seconds, maximum=_LATEST) * 1e9), 0)

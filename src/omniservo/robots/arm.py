@@ -240,10 +240,10 @@ class Arm:
         """Return each joint's room to the nearer end of its range at q (…, n): (…, n) [rad], < 0 outside.
 
         Raises:
-            InputError: NaN or infinity.
+            InputError: wrong shape, NaN or infinity.
         """
         low, high = self.joint_range.T
-        joints = finite_array("q", q, np.shape(q))
+        joints = finite_array("q", q, (-1, self.dof))
         margins: FloatArray = np.minimum(joints - low, high - joints)
         return margins
 

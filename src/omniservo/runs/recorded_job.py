@@ -134,10 +134,18 @@ class RecordedJob:
         return look
 
     def documents(self) -> tuple[Any, Any]:
-        """Read up to the servo; return the estimate's and the plan's fields, None where there are none."""
+        """Read up to the servo; return the estimate's and the plan's fields, None where there are none.
+
+        Raises:
+            InputError: what is read is not legal, or much more than stands between plan and servo.
+        """
+        held = 0
         while self._known.end is None:
             if isinstance(self._advance(), ImageMessage | StepMessage | None):
                 break
+            held += self._ahead[-1].size if self._ahead else 0
+            if held > MOST_FILES:
+                raise InputError(f"{self.run.path}: more than {MOST_FILES} bytes between plan and servo")
         there = self._known.files
         return (
             self._fields(ESTIMATE) if ESTIMATE in there else None,

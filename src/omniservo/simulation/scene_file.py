@@ -135,7 +135,11 @@ class _SceneFile:
             for name in ("file", *_SIDES):
                 if name in attributes:
                     attributes[name] = self._image(child, name, folders["texturedir"])
-            self._count(child, *(self._side(child, name) for name in ("width", "height")))
+            width, height = (self._side(child, name) for name in ("width", "height"))
+            if "builtin" in attributes and attributes.get("type") != "2d":
+                self._count(child, width, width, sides=6)  # MuJoCo makes a cube of it, whatever its height
+            else:
+                self._count(child, height, width)
             attributes.pop("content_type", None)
         if child.tag == "hfield":
             if "file" in attributes:
@@ -169,11 +173,14 @@ class _SceneFile:
         return name
 
     def _side(self, element: XmlElement, attribute: str) -> int:
-        return math.ceil(self._fields.numbers(element, attribute, 1)[0]) if attribute in element.attrib else 0
+        """Return a number of pixels or rows, 0 where none is stated, or one below 0, which MuJoCo refuses."""
+        if attribute not in element.attrib:
+            return 0
+        return max(0, math.ceil(float(self._fields.numbers(element, attribute, 1)[0])))
 
-    def _count(self, element: XmlElement, height: int, width: int) -> None:
+    def _count(self, element: XmlElement, height: int, width: int, sides: int = 1) -> None:
         """Refuse what takes too much memory."""
-        self._pixels += height * width
+        self._pixels += sides * height * width
         if max(height, width) > _LARGEST_SIDE or self._pixels > _MOST_PIXELS:
             raise InputError(
                 f"{self._fields.place(element)}: {width} × {height} given; legal: at most {_LARGEST_SIDE} a"

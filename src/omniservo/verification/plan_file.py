@@ -369,4 +369,7 @@ def _degrees(problem: Fields) -> tuple[int, int]:
     if problem.get("degrees") is None:
         return 2, 2
     degrees = problem.table("degrees", "rotation translation")
-    return int(degrees.number("rotation", least=1)), int(degrees.number("translation", least=1))
+    rotation, translation = (degrees.number(name, default=2, least=1) for name in ("rotation", "translation"))
+    if rotation.denominator != 1 or translation.denominator != 1:
+        raise Malformed(f"{degrees.where}: {shown(problem.get('degrees'))} given; legal: whole numbers")
+    return int(rotation), int(translation)

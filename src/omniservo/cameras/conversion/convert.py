@@ -45,10 +45,10 @@ def to_unified(model: CentralModel, *, largest_px: float | None = None) -> Conve
     """Return the unified camera that ``model`` is, or the nearest one over the field that is used.
 
     The field that is used is every pixel of the image, outside dead zone and mask, that the model can
-    unproject. The nearest camera is the one whose largest residual is smallest; its k1, k2, p1, p2 are free
-    (not where there is a mask). It keeps max_angle, dead zone and mask, sees no farther than the
-    model, and carries what `convert` leaves in ``deviation_px``, which plans add to their visibility margin:
-    a point that they keep in its image is in the model's, too.
+    unproject. The nearest camera is the one whose largest residual is smallest; its k1, k2, p1, p2 are free.
+    It keeps max_angle, dead zone and mask, sees no farther than the model, and carries what `convert` leaves
+    in ``deviation_px``, which plans add to their visibility margin: a point that they keep in its image is in
+    the model's, too.
 
     Raises:
         InputError: the largest residual exceeds ``largest_px`` [px], None: any will do; the message names it.

@@ -37,8 +37,6 @@ def as_unified(model: CentralModel) -> UnifiedCamera | None:
         return _sphere(model, model.xi, model.alpha)
     if isinstance(model, Pinhole) and not any(model.distortion[4:]):
         distortion = model.distortion[:4] or (0.0,) * 4
-        if any(distortion) and model.mask:
-            return None  # the unified camera does not take both
         K = (model.fx, model.fy, model.cx, model.cy)
         return UnifiedCamera(*K, 0.0, **lens_of(model), skew=model.skew, distortion=distortion)
     return None

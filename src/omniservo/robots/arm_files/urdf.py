@@ -30,6 +30,9 @@ _SETTINGS = {
     "balanceinertia": "true",
 }
 
+_NOT_WORLD = "world link"
+"""the name of a link that is called ``world``"""
+
 _SHAPES = {"box": {"size": 3}, "cylinder": {"radius": 1, "length": 1}, "sphere": {"radius": 1}}
 
 
@@ -74,6 +77,7 @@ class _Urdf:
             raise InputError(
                 f"{self._file}: {len(links)} links, {len(joints)} joints; legal: at most {MOST_LINKS}"
             )
+        self._rename_world(links, joints)
         tree = read_tree(links, joints, fields)
         row = arm_row(tree.joints, tree.carriers, self._flange, str(self._file))
         moving = [tree.moving[number] for number in row]
@@ -96,6 +100,14 @@ class _Urdf:
             self._meshes.vertices,
             frozenset(fields.text(fields.needed(joint, "child", "<child link=…>"), "link") for joint in rest),
         )
+
+    def _rename_world(self, links: list[XmlElement], joints: list[XmlElement]) -> None:
+        """Call a link ``world`` otherwise: MuJoCo makes it the world, whose shapes are no part of an arm."""
+        names = [(link, "name") for link in links]
+        names += [(end, "link") for joint in joints for end in self._fields.children(joint)]
+        for element, attribute in names:
+            if element.get(attribute, "").strip() == "world":
+                element.set(attribute, _NOT_WORLD)
 
     def _notices(
         self, moving: list[XmlElement], rest: list[XmlElement], held: dict[str, float]

@@ -8,6 +8,7 @@ from typing import Literal
 
 import numpy as np
 
+from omniservo.errors import InputError
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, finite_number
 from omniservo.robots.collision.arm_bodies import ArmBodies
@@ -119,12 +120,15 @@ def arm_clearance(
         worst: a path that is too close is checked again for the worst place; False: the first one will do.
 
     Raises:
-        InputError: a clearance that is negative or not finite.
+        InputError: a clearance that is negative or not finite; a path of another number of joints, or a span
+            that is not on it.
     """
     finite_number("clearance", clearance, minimum=0.0)
     finite_number("self_clearance", self_clearance, minimum=0.0)
     asked = bodies.asked(clearance, self_clearance)
     knots, pieces = path.bernstein_pieces(*span)
+    if pieces.shape[2] != bodies.arm.dof:
+        raise InputError(f"path: of {pieces.shape[2]} joints; {bodies.arm.name} has {bodies.arm.dof}")
     work = _work_for(pieces, len(bodies.pairs))
     status = _proven(bodies, asked, work, knots[::-1], pieces[::-1])
     if status == "too_close" and worst:

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import RigidTransform
 
+from omniservo.errors import InputError
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, finite_array, finite_number
 from omniservo.robots.arm import Arm
@@ -98,11 +99,14 @@ def own_sight(
         span: of w, the part of the path that is checked.
 
     Raises:
-        InputError: wrong shape, NaN or infinity.
+        InputError: wrong shape, NaN or infinity; a path of another number of joints, or a span that is not on
+            it.
     """
     lines = _Lines(arm, camera, base_points, surroundings, kept or {}, camera_strays)
     still = np.zeros(arm.dof)
     knots, pieces = path.bernstein_pieces(*span)
+    if pieces.shape[2] != arm.dof:
+        raise InputError(f"path: of {pieces.shape[2]} joints; {arm.name} has {arm.dof}")
     work = [(float(knots[i]), float(knots[i + 1]), pieces[i]) for i in range(len(pieces))][::-1]
     while work:
         begin, end, piece = work.pop()

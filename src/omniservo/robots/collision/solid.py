@@ -13,7 +13,7 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.errors import InputError
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.along import along
-from omniservo.geometry.arrays import FloatArray, finite_array, frozen, frozen_again
+from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, frozen, frozen_again
 from omniservo.robots.collision.exact_vertices import add_hull
 from omniservo.robots.collision.plain import PLAIN
 from omniservo.short_repr import short_repr
@@ -30,6 +30,11 @@ SIZES: dict[Kind, int] = {
     "half_space": 0,
 }
 
+_FEWEST = 3
+"""vertices of a hull, which may be flat"""
+
+_NEAR_UNIT = 1e-6
+
 _THINNEST = 1e-6
 """What is thinner is taken to be so thick [m]: MuJoCo knows no body without a size."""
 
@@ -40,7 +45,8 @@ class Solid:
     """A convex body in the frame that it is stated in.
 
     Raises:
-        InputError: a size that is negative, not finite, or of another length than the kind has.
+        InputError: a size that is negative, not finite, or of another length than the kind has; a hull of
+            fewer than 3 vertices.
     """
 
     name: str
@@ -68,6 +74,8 @@ class Solid:
             raise InputError(f"{self.name}: a hull has vertices, and nothing else has")
         if self.vertices is not None:
             corners = finite_array(f"{self.name}: vertices", self.vertices, (None, 3))
+            if len(corners) < _FEWEST:
+                raise InputError(f"{self.name}: {len(corners)} vertices given; legal: at least {_FEWEST}")
             object.__setattr__(self, "vertices", frozen(corners))
 
     @classmethod
@@ -83,9 +91,17 @@ class Solid:
 
     @classmethod
     def half_space(cls, name: str, normal: npt.ArrayLike, offset: float) -> Self:
-        """Return the solid normal·x ≤ offset [m], normal (3,) a unit vector: free is what it points to."""
-        upright = finite_array("normal", normal, (3,))
-        foot = RigidTransform.from_components(offset * upright, along(upright))
+        """Return the solid normal·x ≤ offset [m], normal (3,) a unit vector: free is what it points to.
+
+        Raises:
+            InputError: a number that is not finite, or a normal whose length is not 1 within 1e-6.
+        """
+        upright = finite_array(f"{name}: normal", normal, (3,))
+        length = float(np.linalg.norm(upright))
+        if abs(length - 1.0) > _NEAR_UNIT:
+            raise InputError(f"{name}: normal of length {length:g} given; legal: 1")
+        height = finite_number(f"{name}: offset", offset)
+        foot = RigidTransform.from_components(height * upright, along(upright))
         return cls(name, "half_space", np.zeros(0), foot)
 
     def moved(self, a_T_b: RigidTransform) -> Solid:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from omniservo.errors import InputError
 from omniservo.field_docs import with_field_docs
-from omniservo.geometry.arrays import FloatArray, finite_array, frozen_again
+from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, frozen_again
 from omniservo.robots.path_following.quintic import pieces_between, quintic_pieces, quintic_values
 from omniservo.short_repr import short_repr
 
@@ -110,17 +110,26 @@ class JointPath:
     def bernstein_pieces(self, begin: float = 0.0, end: float = 1.0) -> tuple[FloatArray, FloatArray]:
         """Return where the quintic pieces begin and end (k + 1,), and their coefficients (k, 6, n) [rad].
 
-        Of a path that ends where it begins to be followed: one piece that stands still.
+        Of a part without length, as where a path ends: one piece that stands still.
 
         Args:
             begin: where the first piece begins, if not with the path.
-            end: where the last one ends, ``begin`` < end, if not with the path.
+            end: where the last one ends, if not with the path.
+
+        Raises:
+            InputError: not finite, ``begin`` behind ``end``, or none of it on the path.
         """
-        if len(self.w) == 1:
-            return np.repeat(self.w, 2), np.tile(self.positions, (1, 6, 1))
-        if begin <= self.w[0] and end >= self.w[-1]:
+        first = max(finite_number("begin", begin), float(self.w[0]))
+        last = min(finite_number("end", end), float(self.w[-1]))
+        if first > last:
+            raise InputError(
+                f"begin, end: {begin:g}, {end:g} given; this branch goes from {self.w[0]:g} to {self.w[-1]:g}"
+            )
+        if first == last:
+            return np.array([first, last]), np.tile(self(first), (1, 6, 1))
+        if first == self.w[0] and last == self.w[-1]:
             return self.w, self._pieces
-        return pieces_between(self.w, self._pieces, max(begin, self.w[0]), min(end, self.w[-1]))
+        return pieces_between(self.w, self._pieces, first, last)
 
     @cached_property
     def _pieces(self) -> FloatArray:
