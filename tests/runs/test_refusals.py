@@ -106,8 +106,8 @@ def test_a_block_in_front_of_the_target_leaves_too_few_dots(capsys, tmp_path, do
 
 
 def test_a_block_before_the_camera_at_the_start_only_is_named(capsys, tmp_path, document):
-    document["obstacles"].append({"center": [0, 10, 60], "half_extents": [80, 80, 2]})
-    document["teach"]["initial_T_goal"]["translation"] = [0, -80, 120]
+    document["obstacles"].append({"center": [0, 20, 60], "half_extents": [80, 80, 2]})
+    document["teach"]["initial_T_goal"]["translation"] = [0, -110, 120]
     code, message = refusal(capsys, tmp_path, document)
     assert code == 2
     assert "0 of the target's 9 dots can be seen in the initial image" in message

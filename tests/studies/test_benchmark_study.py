@@ -8,6 +8,7 @@ from tests.studies.conftest import written
 
 from omniservo.cameras.widest_angle import widest_angle
 from omniservo.reporting.study_figures import study_drawings
+from omniservo.run_methods import METHODS
 from omniservo.studies import PACKAGE, StudyTally, load_study, run_row
 from omniservo.studies.closed_loop import SETTLING, ClosedLoop
 from omniservo.studies.replanned_tracker import ReplannedTracker
@@ -30,9 +31,9 @@ def starts(study, camera, count):
     return [start for start in found if not isinstance(start, NoScene)]
 
 
-def test_it_has_six_cameras_and_nine_methods_and_starts_to_180_degrees_and_twice_the_distance(benchmark):
+def test_it_has_six_cameras_and_all_methods_and_starts_to_180_degrees_and_twice_the_distance(benchmark):
     assert len(benchmark.cameras) == 6
-    assert len(benchmark.methods) == 9
+    assert set(benchmark.methods) == set(METHODS)
     assert benchmark.start.rotation.bounds[1] == pytest.approx(np.pi)
     assert benchmark.start.distance_ratio.bounds[1] == 2.0
     assert widest_angle(benchmark.cameras["fisheye-220"]) == pytest.approx(np.deg2rad(110), abs=1e-3)

@@ -365,10 +365,10 @@ def test_a_wrong_arm_is_named_and_no_file_elsewhere_is_read(tmp_path, mount, mes
 def test_an_arm_goes_on_where_the_refined_goal_leaves_its_links_less_than_planned(monkeypatch):
     """By the refined estimate a wrist ends 4.9 mm from a ball; the first plan keeps 5."""
     study = load_study("paper-benchmark")
-    row = run_row(study, 549).row
+    row = run_row(study, 732).row
     assert row.success
     assert row.least_link_gap_m > 0.0
     monkeypatch.setattr("omniservo.studies.replanned_tracker._LATER", 1.0)
-    blocked = run_row(study, 549).row
+    blocked = run_row(study, 732).row
     assert blocked.status == "stopped"
     assert "4.87 mm apart; 5 mm are required" in blocked.reason
