@@ -253,12 +253,18 @@ def over_processes(faults: LinkFaults, stated: float, life: float) -> tuple[Floa
 
 
 def main() -> None:
-    """Print the table, and the row of rendered pictures."""
+    """Print the table, or that of rendered pictures."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--runs", type=int, default=1)
     parser.add_argument("--life", type=float, default=COMMAND_LIFE, help="of a command [s]")
-    parser.add_argument("--pictured", metavar="TASK", help="a row of rendered pictures, all sent as MJPEG")
+    parser.add_argument("--pictured", metavar="TASK", help="rendered pictures instead, all sent as MJPEG")
     asked = parser.parse_args()
+    if asked.pictured:
+        heads = "images | simulated rms / max [mm] | rms / max [mm] | stamps off [ms] | end | load"
+        print(f"| pictures by MJPEG | {heads} |\n|---|---|---|---|---|---|---|")
+        for _ in range(asked.runs):
+            print(pictured_row(asked.pictured), flush=True)
+        return
     print("| line | told | simulated rms / max [mm] | processes rms / max [mm] | late ticks | end | load |")
     print("|---|---|---|---|---|---|---|")
     for name, faults in LINES.items():
@@ -273,11 +279,6 @@ def main() -> None:
                     f"| {name} | {1e3 * stated:.0f} ms | {figures} | {100 * late:.2f}% | {end} | "
                     f"{os.getloadavg()[0]:.0f} |", flush=True,
                 )  # fmt: skip
-    if asked.pictured:
-        heads = "images | simulated rms / max [mm] | rms / max [mm] | stamps off [ms] | end | load"
-        print(f"\n| pictures by MJPEG | {heads} |\n|---|---|---|---|---|---|---|")
-        for _ in range(asked.runs):
-            print(pictured_row(asked.pictured), flush=True)
 
 
 if __name__ == "__main__":
