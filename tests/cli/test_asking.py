@@ -39,7 +39,7 @@ def test_what_is_left_does_not_count_the_time_of_connecting_nor_that_of_an_answe
     clock[0] += 1.0
     with progress.uncounted():
         clock[0] += 10.0
-    with progress.aside():
+    with progress.suspended():
         clock[0] += 100.0
     clock[0] += 2.0
     progress("following", 0.5)

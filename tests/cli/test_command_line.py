@@ -251,3 +251,14 @@ def test_what_the_terminals_encoding_does_not_have_is_spelled_out(monkeypatch):
         main(["schema", "problem"])
     sys.stdout.flush()
     assert b"\\u03be" in written.getvalue()  # ξ
+
+
+@pytest.mark.parametrize(
+    "command", [("run", "paper-example-1"), ("run", "--replay", "quick:0")], ids=["run", "a row"]
+)
+def test_a_folder_of_other_things_is_refused_before_anything_is_done_in_it(command, tmp_path, capsys):
+    (tmp_path / "task.yaml").write_text("mine")
+    code, _, err = call(capsys, *command, "--out", tmp_path, "--force")
+    assert code == 2
+    assert f"{tmp_path}: holds other files, and no" in err
+    assert [p.read_text() for p in tmp_path.iterdir()] == ["mine"]

@@ -9,8 +9,8 @@ import typer
 
 from omniservo.cli.grouped import grouped
 from omniservo.cli.output import ForceOption, Output
-from omniservo.errors import AlreadyExists, InputError
-from omniservo.files import exists
+from omniservo.errors import InputError
+from omniservo.files import writable
 
 
 @grouped
@@ -32,8 +32,7 @@ def export(
         raise InputError(f"{run}: not a folder")
     place = run.resolve()
     file = place.parent / f"{place.name}.{to}" if out is None else out
-    if exists(file) and not force:
-        raise AlreadyExists(file)
+    writable(file, force=force)
     with output.working("starting") as progress:
         progress("loading")
         from omniservo.runs import export_run

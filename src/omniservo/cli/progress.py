@@ -113,8 +113,8 @@ class Progress:
             self._line(f"{stage}; {left}" if left else stage)
 
     @contextmanager
-    def aside(self) -> Iterator[None]:
-        """Leave the terminal to others while the block runs, which is `uncounted`."""
+    def suspended(self) -> Iterator[None]:
+        """Draw nothing while the block runs, which is `uncounted`: the terminal is for others."""
         with self.uncounted():
             if self._bar is not None:
                 self._bar.stop()

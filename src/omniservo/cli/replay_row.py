@@ -7,10 +7,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from omniservo.cli.output import Output
-from omniservo.errors import AlreadyExists, InputError
-from omniservo.files import exists, unused, whole_folder
+from omniservo.errors import InputError
+from omniservo.files import unused, whole_folder, writable_folder
 from omniservo.run_methods import METHODS
 from omniservo.shipped_studies import study_file
+
+_FILE = "row.json"
+"""in every folder of a row that was repeated"""
 
 _ROW = re.compile(r"(?P<study>.+):(?P<row>\d{1,9})")
 
@@ -38,8 +41,8 @@ def replay_row(given: Path, own: Sequence[str], out: Path | None, force: bool, o
     folder = Path(name)
     if not folder.is_dir():
         study_file(name)
-    if out is not None and exists(out) and not force:
-        raise AlreadyExists(out)
+    if out is not None:
+        writable_folder(out, _FILE, force=force)
     with output.working("loading") as progress:
         from omniservo.reporting.row_report import FIGURE, REPORT, write_row_report
         from omniservo.studies import Program, fields_of_row, load_study, read_header, run_row
@@ -58,7 +61,7 @@ def replay_row(given: Path, own: Sequence[str], out: Path | None, force: bool, o
         result = run_row(study, number, program)
         progress("drawing it")
         target = _folder(study.name, number, force) if out is None else out
-        with whole_folder(target, "row.json", force=force) as work:
+        with whole_folder(target, _FILE, force=force) as work:
             write_row_report(work, study, result)
     if header is not None and header.version != program.version:
         output.line(f"{folder}: its rows were run by {header.version}; this is {program.version}")

@@ -86,7 +86,7 @@ class Approval:
             NoSolutionError: it is not.
         """
         console = Console(stderr=True, highlight=False, emoji=False, soft_wrap=True)
-        with self._progress.aside():
+        with self._progress.suspended():
             console.print(f"about to: {motion}", markup=False)
             agreed = self._yes or _is_agreed(console)
         if not agreed:

@@ -17,8 +17,8 @@ from omniservo.cli.replay import replay as replay_file
 from omniservo.cli.replay_row import is_row, replay_row
 from omniservo.cli.robot_file import OnRobot
 from omniservo.cli.robot_options import TaskOptions
-from omniservo.errors import AlreadyExists, InputError, NoSolutionError
-from omniservo.files import exists, require_file, unused, whole_folder, write_whole
+from omniservo.errors import InputError, NoSolutionError
+from omniservo.files import require_file, unused, whole_folder, writable_folder, write_whole
 from omniservo.run_methods import COMPARE, RunMethod, run_methods
 from omniservo.shipped_tasks import task_file
 
@@ -26,6 +26,9 @@ if TYPE_CHECKING:
     from omniservo.cli.progress import Progress
     from omniservo.runs import NoPath
     from omniservo.tasks import Task
+
+_METRICS = "metrics.json"
+"""in every folder of results"""
 
 _ROOM = 20 * 2**20
 """[bytes] that the results of one method may take"""
@@ -119,8 +122,8 @@ def _refuse_early(task: str, methods: tuple[RunMethod, ...], results: _Results, 
             require_file(method.source.rpartition(":")[0])
     if robot.on is not None and results.goal is None:
         raise InputError("--goal: needed with --on: save one with omniservo teach TASK --on ROBOT --out GOAL")
-    if results.out is not None and exists(results.out) and not results.force:
-        raise AlreadyExists(results.out)
+    if results.out is not None:
+        writable_folder(results.out, _METRICS, force=results.force)
     if results.goal is not None:
         require_file(results.goal)
 
@@ -144,13 +147,13 @@ def _done(
     seed, filmed = results.seed, results.film
 
     def left(recording: Path) -> None:
-        with progress.aside():
+        with progress.suspended():
             output.written(recording)
 
     try:
         with (
             compiling_ahead(),
-            whole_folder(folder, "metrics.json", force=results.force, room=room) as work,
+            whole_folder(folder, _METRICS, force=results.force, room=room) as work,
             robot.cell_of(task, progress) as (begun, open_cell),
         ):
             if robot.on is None or taught is None:

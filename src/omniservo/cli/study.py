@@ -14,8 +14,7 @@ from typer.core import TyperGroup
 from omniservo.cli.grouped import grouped
 from omniservo.cli.output import ForceOption, Output
 from omniservo.cli.progress import DOING, Progress
-from omniservo.errors import AlreadyExists
-from omniservo.files import exists, whole_folder
+from omniservo.files import whole_folder, writable
 from omniservo.shipped_studies import shipped_studies, study_file
 
 if TYPE_CHECKING:
@@ -135,8 +134,8 @@ def compare(
     output: Output,
 ) -> None:
     """Compare each method in two studies; rows one by one where both ran the same study."""
-    if out is not None and exists(out) and not force:
-        raise AlreadyExists(out)
+    if out is not None:
+        writable(out, force=force)
     with output.working("loading") as progress:
         from omniservo.studies import compare_studies, read_header, read_parts
 

@@ -16,7 +16,7 @@ from omniservo.files.documents import (
     require_file,
     stated_units,
 )
-from omniservo.files.python_class import python_class, words_aside
+from omniservo.files.python_class import python_class, stdout_to_stderr
 from omniservo.files.results import exists, unused, whole_folder, writable, writable_folder, write_whole
 
 __all__ = [
@@ -36,9 +36,9 @@ __all__ = [
     "read_text",
     "require_file",
     "stated_units",
+    "stdout_to_stderr",
     "unused",
     "whole_folder",
-    "words_aside",
     "writable",
     "writable_folder",
     "write_whole",

@@ -14,8 +14,8 @@ from omniservo.errors import InputError, spelled
 from omniservo.files.documents import read_bytes
 
 
-def words_aside() -> AbstractContextManager[object]:
-    """Let what the user's code prints go to standard error: standard output is a command's own, for JSON."""
+def stdout_to_stderr() -> AbstractContextManager[object]:
+    """Redirect what the user's code prints: standard output is a command's own, for JSON."""
     return redirect_stdout(sys.stderr)
 
 
@@ -39,7 +39,7 @@ def python_class(name: str, what: str, code: bytes | None = None) -> Callable[..
     sys.modules[module.__name__] = module  # where dataclasses and pickle look for it
     try:
         code_object = compile(content, path, "exec", dont_inherit=True)  # without this file's __future__
-        with words_aside():
+        with stdout_to_stderr():
             exec(code_object, vars(module))  # noqa: S102 — the user named the file to run it
     except (Exception, SystemExit) as error:
         line = error.lineno if isinstance(error, SyntaxError) else extract_tb(error.__traceback__)[-1].lineno

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter
-from scipy.spatial.transform import RigidTransform
+from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.files import write_whole
 from omniservo.files.image_files import write_png
@@ -131,8 +131,8 @@ def _errors(study: Study, scene: StudyScene, trajectory: Trajectory) -> Drawing:
     times, centres = np.array(trajectory.times), trajectory.centres
     goal = np.array(scene.initial_T_goal.translation)
     apart = 1e3 * np.linalg.norm(centres - goal, axis=1)
-    turns = np.array(trajectory.rotations) @ scene.initial_T_goal.rotation.as_matrix().T
-    angle = np.degrees(np.arccos(np.clip(0.5 * (turns.trace(axis1=1, axis2=2) - 1.0), -1.0, 1.0)))
+    turns = Rotation.from_matrix(np.array(trajectory.rotations)) * scene.initial_T_goal.rotation.inv()
+    angle = np.rad2deg(turns.magnitude())
     limits, count = study.limits, 3 if scene.obstacles else 2
     figure = new_figure(3.7 * count, 3.2)
     panels = figure.subplots(1, count)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from omniservo.errors import InputError, InvalidData, NotFinite, ServoStop, spelled
-from omniservo.files import python_class, words_aside
+from omniservo.files import python_class, stdout_to_stderr
 from omniservo.geometry.arrays import FloatArray
 from omniservo.servoing.servo_measurement import ServoMeasurement
 from omniservo.servoing.servo_method import ServoMethod
@@ -34,7 +34,7 @@ class OwnMethod:
         except TypeError as error:
             raise InputError(f"method: {source}: {error}; legal: CLASS(gain)") from None
         try:
-            with words_aside():
+            with stdout_to_stderr():
                 method = made(gain)
         except (Exception, SystemExit) as error:
             raise InputError(f"method: {_said(source, error)}") from error
@@ -50,7 +50,7 @@ class OwnMethod:
                 for anything else.
         """
         try:
-            with words_aside():
+            with stdout_to_stderr():
                 given = self._method.step(seen)
             twist = np.asarray(given) if np.iterable(given) else np.empty(0)
         except ServoStop:

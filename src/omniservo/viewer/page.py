@@ -85,11 +85,8 @@ class Page:
         self.timings = Timings()
         self._answer: Answer | None = None
         self._number, self._request, self._requests = 0, 0, count(1)
-        self._changed, self._closed, self._serving = (
-            threading.Condition(),
-            threading.Event(),
-            threading.Lock(),
-        )
+        self._changed, self._closed = threading.Condition(), threading.Event()
+        self._serving = threading.Lock()
         self.settled = threading.Event()
         """set once the first situation is planned for, or refused"""
         self.playback = Playback(server, lambda: self._answer, self._failed)
