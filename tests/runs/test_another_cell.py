@@ -176,6 +176,7 @@ def test_a_robot_that_is_lost_in_motion_leaves_a_report_that_says_why(tmp_path):
     task = task.model_copy(update={"sensor": task.sensor.model_copy(update={"rate": 1.0 / PERIOD})})
     metrics = run_into(tmp_path, task, open_cell)["certified"]
     assert metrics["status"] == "stopped"
+    assert metrics["reason"].startswith("robot_lost: ")
     assert "the cable is out" in metrics["reason"]
     assert "Stopped: robot lost" in (tmp_path / "report.html").read_text()
     assert (tmp_path / "final.png").exists()

@@ -46,7 +46,8 @@ def test_joint_metrics_are_those_of_plan_and_log(hurried):
     q = motion.joints(np.linspace(0.0, 1.0, 4001))
     assert metrics["joint_limit_margin_rad"] == pytest.approx(np.minimum(q - low, high - q).min(), abs=1e-6)
     assert metrics["singular_value_least"] == motion.joints.singular_values.min()
-    time, joints = hurried.log.column("time"), hurried.log.column("joints")
+    time, read, joints = (hurried.log.column(name) for name in ("time", "read_time", "joints"))
+    assert read - time == pytest.approx(hurried.task.sensor.latency)  # joints are read when an image arrives
     executed = np.abs(np.diff(joints, axis=0) / np.diff(time)[:, None]) / motion.arm.joint_speed
     assert metrics["joint_speed_share_executed"] == pytest.approx(executed.max())
     assert executed.max() < 1.0

@@ -85,6 +85,20 @@ def test_newcombe_s_example_has_his_interval():
     assert found.interval == pytest.approx((0.0524, 0.3339), abs=5e-5)
 
 
+def test_pairs_have_newcombe_s_correlation_and_those_that_agree_by_chance_alone_have_none():
+    """φ of 20, 12, 2 and 16 pairs: (20·16 − 12·2 − 50/2) / √(32·18·22·28)."""
+    kinds = ((True, True), (True, False), (False, True), (False, False))
+
+    def correlation(*counts):
+        pairs = Counter(dict(zip(kinds, counts, strict=True)))
+        rates = Rate(counts[0] + counts[1], pairs.total()), Rate(counts[0] + counts[2], pairs.total())
+        return RateDifference.of(*rates, pairs).correlation
+
+    assert correlation(20, 12, 2, 16) == pytest.approx(271.0 / math.sqrt(32 * 18 * 22 * 28))
+    assert correlation(5, 5, 5, 6) == 0.0
+    assert correlation(5, 6, 5, 5) == pytest.approx(-5.0 / math.sqrt(11 * 10 * 10 * 11))
+
+
 def test_the_interval_of_pairs_holds_the_difference_as_often_as_stated_and_is_half_as_wide():
     """Rows of one study, most of which come out alike: samples taken as independent cover it always."""
     random, n, chances = np.random.default_rng(3), 250, (0.7, 0.02, 0.08, 0.2)
@@ -168,7 +182,7 @@ def test_crashes_come_first_of_the_worst_and_what_never_moved_last(undisturbed):
     crash = replace(rows[0], success=False, status="error", final_translation_error_m=None, images=0)
     refused = replace(rows[3], success=False, status="not_planned", final_translation_error_m=0.9, images=0)
     missed = replace(rows[6], success=False, collision=False, final_translation_error_m=0.1, images=5)
-    hit = replace(rows[4], success=False, collision=True, final_translation_error_m=0.0)
+    hit = replace(rows[4], success=False, collision=True, final_translation_error_m=0.5)
     assert StudyTally([refused, missed, hit, crash, *rows[9:]]).worst(10) == [crash, hit, missed, refused]
 
 
