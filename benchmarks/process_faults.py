@@ -294,6 +294,14 @@ def waiting(pids: list[int]) -> float:
     return total
 
 
+def ended(pid: int) -> bool:
+    """Tell whether a process is no more, or waits for its parent to notice; 0 is none."""
+    try:
+        return not pid or Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
+    except OSError:
+        return True
+
+
 def fault_run(number: int, kind: str, domain: int) -> Row | None:
     """Return what became of a run; None: it ended before the fault."""
     domain = domain if kind in OVER_ROS else 0
@@ -306,8 +314,7 @@ def fault_run(number: int, kind: str, domain: int) -> Row | None:
         finally:
             os.kill(leader, signal.SIGKILL)
             os.waitpid(leader, 0)
-            gone = Path(f"/proc/{int(shared[DRIVE])}")
-            until(lambda: not shared[DRIVE] or not gone.exists(), 10.0)
+            until(lambda: ended(int(shared[DRIVE])), 10.0)
             shared[RUN] = 0.0
             os.waitpid(arm, 0)
 

@@ -1,6 +1,7 @@
 """Stamps that are off by what was measured of them."""
 
 import numpy as np
+import pytest
 
 from omniservo.hardware.shifted_camera import ShiftedCamera
 from omniservo.robots import CameraImage
@@ -26,6 +27,11 @@ def test_an_images_stamp_plus_the_offset_is_the_joints_time():
     shifted = ShiftedCamera(Still(CameraImage(10.0, pixels, 0.002)), -0.04).image()
     assert (shifted.time, shifted.time_sigma) == (9.96, 0.002)
     assert shifted.pixels is pixels
+
+
+def test_an_image_s_time_is_no_surer_than_the_offset():
+    image = CameraImage(10.0, np.zeros((2, 3), np.uint8), 0.003)
+    assert ShiftedCamera(Still(image), -0.04, 0.004).image().time_sigma == pytest.approx(0.005)
 
 
 def test_before_the_first_image_there_is_none_and_what_is_assumed_is_passed_on():

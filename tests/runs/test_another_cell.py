@@ -1,6 +1,7 @@
 """A whole job in a cell that is not the simulator: arm and camera are two objects of their own."""
 
 import csv
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,6 +10,8 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.errors import NoSolutionError
 from omniservo.robots import CameraImage, RobotState
 from omniservo.runs import run_into, run_task
+from omniservo.runs.robot_delay import measure_delay
+from omniservo.safety import SafetyOptions
 from omniservo.scenes import scene_of_task
 from omniservo.simulation import World
 from omniservo.simulation.projected_dots import ProjectedDots
@@ -136,6 +139,22 @@ def test_a_whole_job_is_done_in_any_cell_and_every_cell_is_closed():
     assert [cell.driver.closed for cell in cells] == [True, True]  # the goal's and the run's
     assert cells[0].approved == []
     assert "along a path that is certified" in cells[1].approved[0]
+
+
+def test_its_delay_is_found_no_surer_than_its_stamps_are():
+    """By a recording of the whole swing: stamps are 40 ms early."""
+    cell = OwnCell(load_task("paper-example-1"), 0)
+    exact = cell.camera.image
+
+    def early():
+        image = exact()
+        return None if image is None else replace(image, time=image.time - 0.04, time_sigma=3e-3)
+
+    cell.camera.image = early
+    found = measure_delay(cell, SafetyOptions(image_age=1.0, time_offset=0.5))
+    assert found.camera.offset == pytest.approx(0.04, abs=2e-3)
+    assert 3e-3 <= found.camera.sigma < 4e-3
+    assert "swing j4 and j5" in cell.approved[0]
 
 
 def test_a_motion_that_is_not_agreed_to_is_not_begun():

@@ -49,7 +49,7 @@ class CameraDelay:
     offset: float
     """an image's stamp plus this is the joints' time of its exposure [s]"""
     sigma: float
-    """standard deviation of ``offset`` [s]"""
+    """standard deviation of ``offset`` [s]: of the residuals, and of the stamps themselves"""
     rms_px: float
     """what is left of the points' motion, rms [px]"""
     flow: float
@@ -66,6 +66,8 @@ class DelayViews:
     """(k, n, 2) where the points are [px]; NaN where not tracked"""
     joints: JointHistory
     """readings on the same clock, but for the offset"""
+    time_sigma: float = 0.0
+    """standard deviation of what all stamps of one connection are off alike [s]; of another it differs"""
 
 
 def camera_delay(
@@ -75,7 +77,8 @@ def camera_delay(
 
     Minimises Σ ‖p_ij − π(T(q(t_i + τ))⁻¹ T(q(t_0 + τ)) b_j/ρ_j)‖² over τ and each point's bearing b_j and
     inverse distance ρ_j, T the camera's pose by the arm's kinematics and the mount, t_0 the first image; so
-    neither the scene nor the arm's place need be known. σ is that of the residuals, √(s² (JᵀJ)⁻¹).
+    neither the scene nor the arm's place need be known. σ is √(s² (JᵀJ)⁻¹ + σ_t²), s that of the residuals,
+    σ_t the stamps' own, which images of one connection cannot show.
 
     Args:
         camera: takes the images.
@@ -107,7 +110,7 @@ def camera_delay(
             "of motion: another arm file, mount or camera, a joint that turns the other way, or a scene that "
             "moves"
         )
-    return CameraDelay(found.offset, found.sigma, found.rms_px, flow)
+    return CameraDelay(found.offset, float(np.hypot(found.sigma, views.time_sigma)), found.rms_px, flow)
 
 
 def _usable(camera: CentralModel, tracks: FloatArray) -> FloatArray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 from omniservo.hardware.clock_map import ClockMap
@@ -14,15 +15,19 @@ class ShiftedCamera:
     Args:
         camera: the other.
         offset: added to the time of its images [s].
+        sigma: standard deviation of that [s]; it makes the images' times as uncertain.
     """
 
-    def __init__(self, camera: CameraSource, offset: float) -> None:
-        self._camera, self._offset = camera, offset
+    def __init__(self, camera: CameraSource, offset: float, sigma: float = 0.0) -> None:
+        self._camera, self._offset, self._sigma = camera, offset, sigma
 
     def image(self) -> CameraImage | None:
         """Return the newest delivered frame; None before the first one arrives."""
         image = self._camera.image()
-        return None if image is None else replace(image, time=image.time + self._offset)
+        if image is None:
+            return None
+        sigma = math.hypot(image.time_sigma, self._sigma)
+        return replace(image, time=image.time + self._offset, time_sigma=sigma)
 
     @property
     def notice(self) -> str | None:

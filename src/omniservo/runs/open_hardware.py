@@ -80,19 +80,20 @@ def _address(robot: RobotFile, arm: Arm, driver: str | None) -> ArmAddress:
     return ArmAddress(driver or robot.driver, robot.address, names, arm, robot.watchdog, dict(robot.options))
 
 
-def open_robot_camera(robot: RobotFile, offset: float = 0.0) -> ShiftedCamera:
+def open_robot_camera(robot: RobotFile, delay: StoredDelay | None = None) -> ShiftedCamera:
     """Connect to the camera of a robot file; its images have the size that its calibration states.
 
     Args:
         robot: the file.
-        offset: added to the stamps of its images [s], as `measure_delay` finds it.
+        delay: how late its images are, as measured, by which their stamps are corrected; None: it was not.
 
     Raises:
         InputError: no one there, no images, or of another size.
     """
     lens = robot.camera.calibration
+    offset, sigma = (0.0, 0.0) if delay is None else (delay.camera_offset, delay.camera_sigma)
     with ExitStack() as opened:
-        camera = ShiftedCamera(_camera_at(robot), offset)
+        camera = ShiftedCamera(_camera_at(robot), offset, sigma)
         opened.callback(camera.close)
         rows, columns = next_image(camera, time.sleep, patience=PATIENCE).pixels.shape
         if (columns, rows) != (lens.width, lens.height):
@@ -152,10 +153,10 @@ def open_hardware(
     """
     arm = robot.loaded_arm()
     begun, scene = on_robot(task, robot, arm, _joints(robot, arm, driver))
-    options, offset = safety_of_task(begun), 0.0
+    options = safety_of_task(begun)
     if delay is not None:
-        options, offset = delay.within(options), delay.camera_offset
-    return begun, _cell(scene, robot, _Seats(approve, driver, offset), options)
+        options = delay.within(options)
+    return begun, _cell(scene, robot, _Seats(approve, driver, delay), options)
 
 
 def open_bare(
@@ -173,7 +174,7 @@ def open_bare(
         found_T_base = scene.world_T_camera(scene.start_joints).inv()
         box = np.array([robot.workspace.min, robot.workspace.max])
         options = replace(options, workspace=box, found_T_workspace=found_T_base)
-    return _cell(scene, robot, _Seats(approve, driver, 0.0), options)
+    return _cell(scene, robot, _Seats(approve, driver, None), options)
 
 
 @dataclass(frozen=True)
@@ -182,14 +183,14 @@ class _Seats:
 
     approve: Callable[[str], None]
     driver: str | None
-    offset: float
+    delay: StoredDelay | None
 
 
 def _cell(scene: Scene, robot: RobotFile, seats: _Seats, options: SafetyOptions) -> HardwareCell:
     where = _address(robot, scene.arm, seats.driver)
     opener = ArmOpener(ArmAddress.open, {"self": where}, robot.watchdog, tuple(where.joint_names))
     with ExitStack() as opened:
-        camera = open_robot_camera(robot, seats.offset)
+        camera = open_robot_camera(robot, seats.delay)
         opened.callback(camera.close)
         client = DriveClient(
             opener,

@@ -80,7 +80,8 @@ def measure_delay(cell: RobotCell, options: SafetyOptions) -> RobotDelay:
     )
     recorded = _recorded(cell, options, chosen, size)
     tracks = tracked(recorded.images)
-    views = DelayViews(np.array(recorded.stamps), tracks, recorded.history)
+    time_sigma = float(np.median(recorded.time_sigmas))
+    views = DelayViews(np.array(recorded.stamps), tracks, recorded.history, time_sigma)
     found = camera_delay(cell.scene.camera, arm, cell.scene.flange_T_camera, views)
     lag, sigma = actuation_lag(recorded, chosen)
     return RobotDelay(found, lag, sigma, len(tracks))
@@ -94,6 +95,8 @@ class DelayRecording:
     states: list[RobotState]
     sent: list[tuple[float, FloatArray]]
     stamps: list[float]
+    time_sigmas: list[float]
+    """of the stamps, see `CameraImage` [s]"""
     images: list[ByteArray]
 
 
@@ -111,7 +114,7 @@ def _recorded(
     """Swing the joints, and return what came in; the arm stands still on return."""
     supervisor = supervisor_of(cell, options)
     begin = supervisor.read()
-    found = DelayRecording(JointHistory(len(begin.joint_positions), 2.0 * SECONDS), [], [], [], [])
+    found = DelayRecording(JointHistory(len(begin.joint_positions), 2.0 * SECONDS), [], [], [], [], [])
     try:
         while (passed := supervisor.read().time - begin.time) < SECONDS:
             _take_in(found, supervisor.read(), supervisor.image())
@@ -133,6 +136,7 @@ def _take_in(found: DelayRecording, state: RobotState, image: CameraImage | None
     found.history.add(state)
     if image is not None and (not found.stamps or image.time > found.stamps[-1]):
         found.stamps.append(image.time)
+        found.time_sigmas.append(image.time_sigma)
         found.images.append(image.pixels)
 
 
