@@ -16,6 +16,7 @@ from omniservo.perception.align_patches import WINDOW, Alignment, align, make_te
 from omniservo.perception.features import Features
 from omniservo.perception.image_points import ImagePoints
 from omniservo.perception.match_features import LEAST_PAIRS, FeatureMatch, Status
+from omniservo.perception.perspective_bias import perspective_bias
 from omniservo.perception.tangent_patches import TangentFrames
 
 HALF = 8
@@ -79,7 +80,8 @@ def refine_matches(
     """Lay the goal's patch round each matched feature on the initial image's, and keep the pairs that fit.
 
     The pixel of the initial image is where the feature was found; the pixel of the goal is where an affine
-    image of the patch round it, with gain and offset, fits best (`align_patches`). A pair is left out where
+    image of the patch round it, with gain and offset, fits best (`align_patches`), less what perspective does
+    to that (`perspective_bias`). A pair is left out where
     that does not converge, leads far from the feature or to another shape than its scale, correlates badly or
     is uncertain: that finds most wrong pairs. A place that stands in several pairs keeps the best one.
 
@@ -110,7 +112,11 @@ def refine_matches(
     )  # fmt: skip
     near = np.linalg.norm(found.places, axis=1) < np.maximum(FARTHEST * size_goal, 1.5 * pixel_goal)
     good = found.converged & (found.correlation > LEAST_CORRELATION) & near & _plausible(found, ratio)
-    pixels, seen = camera.project(other.directions(found.places[:, None])[:, 0])
+    places = found.places.copy()
+    places[good] -= perspective_bias(
+        one[good], other[good], found.places[good], found.affinities[good], WINDOW * HALF * pitch[good]
+    )
+    pixels, seen = camera.project(other.directions(places[:, None])[:, 0])
     errors = _errors(camera, found, one, other)
     good &= seen & (np.sqrt(np.linalg.eigvalsh(errors.sum(0))[:, 1]) < MOST_ERROR)
     start = initial.points.pixels[match.pairs[:, 0]]
