@@ -17,11 +17,11 @@ MOST_CHANGE = 0.5
 """… and no farther before or behind it."""
 OFF = 0.03
 """Changes of scale that are off the others' by so much count a quarter."""
-FAR = 4.0
-"""[windows] Neighbours that are as far count half: the surface bends."""
-NOISE = 0.02
+REACH = 8.0
+"""[windows] Neighbours count the less the farther they are, and none beyond: the surface bends."""
+NOISE = 0.03
 """standard deviation of the change of scale that a neighbour far from the window shows"""
-PRIOR = np.array([1.0, 1.0, 0.03, 0.03, 0.03])
+PRIOR = np.array([0.4, 0.4, 0.03, 0.03, 0.03])
 """standard deviations of c [1/rad], and of what is wrong with the affinity: a scale, and two stretches"""
 SHARE = 0.5
 """of w²: a patch's gradients lie nearer to its middle than its window; fitted to rendered planes"""
@@ -65,7 +65,7 @@ def perspective_bias(
     u, v, square = x[..., 0], x[..., 1], (x**2).sum(axis=2)
     terms = np.stack([u, v, np.ones_like(u), (u**2 - v**2) / square, 2.0 * u * v / square], axis=-1)
     distance = square / windows[:, None] ** 2
-    sure = usable / ((1.0 + 2.0 / distance) * (1.0 + distance / FAR**2))
+    sure = usable * np.maximum(1.0 - distance / REACH**2, 0.0) ** 2 / (1.0 + 2.0 / distance)
     weight, fit = sure, np.zeros((len(one), len(PRIOR)))
     for _ in range(ITERATIONS):
         left = np.einsum("nk,nki,nkj->nij", weight, terms, terms) + np.diag((NOISE / PRIOR) ** 2)
@@ -73,7 +73,7 @@ def perspective_bias(
         fit = np.linalg.solve(left, right[..., None])[..., 0]
         off = np.abs(change - np.einsum("nki,ni->nk", terms, fit))
         weight = sure / (1.0 + (off / OFF) ** 2) ** 2
-    told = usable.sum(axis=1, keepdims=True) >= LEAST_NEIGHBOURS
+    told = (sure > 0.0).sum(axis=1, keepdims=True) >= LEAST_NEIGHBOURS
     curved = np.einsum("nij,nj->ni", affinities, fit[:, :2])
     bias: FloatArray = np.where(told, -SHARE * windows[:, None] ** 2 * curved, 0.0)
     return bias
