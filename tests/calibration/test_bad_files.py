@@ -1,6 +1,7 @@
 """Files that are broken, hostile, or of another kind: one line that says where, and nothing else happens."""
 
 import json
+import time
 
 import numpy as np
 import pytest
@@ -253,6 +254,21 @@ def test_a_large_broken_file_is_refused_and_deep_json_without_a_traceback(tmp_pa
     assert message == "value0.intrinsics[0].intrinsics.fx: 0 given; legal: any number but 0"
     deep = '{"cam0": {"camera_model": ' + "[" * 400 + "]" * 400 + "}}"
     assert "cam0.camera_model" in refusal(tmp_path, deep)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ['Intrinsic of "a"' + 200_000 * " " + "x", 200_000 * "1" + "x", "<a><b>" + 200_000 * "1" + "x</b></a>"],
+    ids=["RealSense", "table", "XML"],
+)
+def test_no_pattern_takes_long_over_what_almost_fits(tmp_path, text):
+    """Each took time with the square of the length: minutes here, hours with the megabyte that is read."""
+    path = tmp_path / "camera"
+    path.write_text(text)
+    begin = time.process_time()
+    with pytest.raises(InputError):
+        load_model(path)
+    assert time.process_time() - begin < 5.0
 
 
 def test_numbers_of_tables_and_xml_are_plain_decimal_numbers(tmp_path):

@@ -100,6 +100,13 @@ def test_the_cylinder_refuses_what_other_cameras_refuse():
     assert view.unproject(np.empty((0, 4, 2)))[0].shape == (0, 4, 3)
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_point_that_has_no_number_on_the_cylinder_is_not_valid():
+    cylinder = cylindrical_view(3.0, (100, 100))
+    points = [[math.inf, 0.0, 1.0], [0.0, 1.0, 0.0], [1e-300, 1e300, 0.0], [1.0, 2.0, 3.0]]
+    assert cylinder.project(points)[1].tolist() == [False, False, False, True]
+
+
 def test_upright_lines_stay_upright_on_the_cylinder():
     camera = preset("fe185")
     image = painted(camera, lambda b: 255.0 * np.exp(-(((b[..., 0] - 0.8 * b[..., 2]) / 0.01) ** 2)))

@@ -30,6 +30,7 @@ def grey_values(image: FloatArray, sensor: Sensor, random: np.random.Generator) 
     light = (255.0 * image).astype(np.float32)
     if sensor.defocus > 0.0:
         light = cv2.filter2D(light, -1, disc(sensor.defocus), borderType=cv2.BORDER_REPLICATE)
+        np.maximum(light, 0.0, out=light)  # large discs pass a Fourier transform, whose rounding goes below
     if sensor.blur > 0.0:
         light = gaussian_filter(light, sensor.blur, mode="nearest", truncate=_BLUR_REACH)
     if sensor.vignetting > 0.0:
@@ -55,7 +56,7 @@ def light_left(vignetting: float, height: int, width: int) -> NDArray[np.float32
     """Return 1 − vignetting · (r / corner's r)² of each pixel (height, width), r from the image's middle."""
     v, u = np.mgrid[:height, :width]
     squares = (u - 0.5 * (width - 1)) ** 2 + (v - 0.5 * (height - 1)) ** 2
-    return np.asarray(1.0 - vignetting * squares / squares.max(), dtype=np.float32)
+    return np.asarray(1.0 - vignetting * squares / (squares.max() or 1.0), dtype=np.float32)
 
 
 def compressed(image: ByteArray, quality: int) -> ByteArray:
