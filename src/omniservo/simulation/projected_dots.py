@@ -22,6 +22,8 @@ _FINER = 8
 class ProjectedDots:
     """Draws the outlines of all dots that face the camera; nothing is in their way, and there is no noise.
 
+    They lie where the true camera's model has them: without the scene's lens error, dead zone and mask.
+
     Args:
         scene: with dots.
 
