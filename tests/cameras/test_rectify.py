@@ -14,7 +14,7 @@ from omniservo.cameras import (
     rectify,
     tangent_view,
 )
-from omniservo.cameras.models import KannalaBrandt
+from omniservo.cameras.models import Equirectangular, KannalaBrandt
 from omniservo.errors import InputError
 
 
@@ -206,8 +206,9 @@ def test_what_is_no_view_is_refused(change, named):
         lambda: cylindrical_view(1.0, (10, 20_000)),
         lambda: equirectangular_view((16_384, 16_384)),
         lambda: perspective_view(1.0, (10,)),
+        lambda: rectify(preset("fe185"), np.zeros((432, 659)), Equirectangular(100_000, 100_000)),
     ],
 )
 def test_views_that_cannot_be_are_refused(made):
-    with pytest.raises(InputError, match="field_of_view|size"):
+    with pytest.raises(InputError, match="field_of_view|size|view: 100000x100000 given"):
         made()

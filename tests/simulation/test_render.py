@@ -149,6 +149,12 @@ def test_wrong_values_are_named(scene, wrong):
         render(*given)
 
 
+def test_a_camera_of_more_pixels_than_memory_is_refused_before_any_is_drawn(scene):
+    """A small calibration file can state 10¹⁰ of them."""
+    with pytest.raises(InputError, match="^camera: 100000x100000 pixels given; legal: at most 33554432"):
+        render(*scene, UnifiedCamera(300, 300, 1, 2, 1.0, 100_000, 100_000), POSE)
+
+
 def test_data_of_another_model_is_refused(scene):
     model = mujoco.MjModel.from_xml_string("<mujoco/>")
     with pytest.raises(InputError, match="data: of another model"):

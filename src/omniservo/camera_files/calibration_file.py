@@ -130,7 +130,7 @@ class CalibrationFile:
         value = self.value(*path)
         if isinstance(value, Mapping):
             rows, cols = (self.number(*path, name, minimum=0.0) for name in ("rows", "cols"))
-            channels = re.fullmatch(r"(\d*)[a-z]", str(value.get("dt", "d")))
+            channels = re.fullmatch(r"(\d{0,3})[a-z]", str(value.get("dt", "d")))
             if channels is None:
                 raise self.error(f"{spelled(value['dt'])} given; legal: as in OpenCV, d or 2f", *path, "dt")
             values, path = self.value(*path, "data"), (*path, "data")
