@@ -75,6 +75,7 @@ def test_the_darkest_and_the_smallest_images_are_photographed():
     assert found[:, 30].mean() == pytest.approx(255.0, abs=3.0)
     assert (found[:, :10] == 0.0).all()
     assert photo(np.full((1, 1), 0.5), vignetting=0.3).item() == 128.0
+    assert (photo(np.full((4, 4), 0.8), gain=1e-20) == 204.0).all()
 
 
 @pytest.mark.parametrize("quality", [1, 80, 100])

@@ -14,6 +14,7 @@ from omniservo.scenes import Sensor
 from omniservo.simulation.pixel_edges import sheared_grid
 
 _BLUR_REACH = 4.0  # standard deviations
+_LEAST_GAIN = 1e-9  # grey values per electron, below which shot noise is far below a step of 1
 _FINE = 16  # points along a side of a pixel by which a disc's share of it is told
 
 
@@ -35,7 +36,7 @@ def grey_values(image: FloatArray, sensor: Sensor, random: np.random.Generator) 
         light = gaussian_filter(light, sensor.blur, mode="nearest", truncate=_BLUR_REACH)
     if sensor.vignetting > 0.0:
         light *= light_left(sensor.vignetting, *light.shape)
-    if sensor.gain > 0.0:
+    if sensor.gain > _LEAST_GAIN:
         light = (sensor.gain * random.poisson(light / sensor.gain)).astype(np.float32)
     if sensor.noise > 0.0:
         light += np.float32(sensor.noise) * random.standard_normal(light.shape, dtype=np.float32)
