@@ -44,7 +44,7 @@ def field_of(model: CentralModel) -> Field:
     """Return the field that ``model`` uses.
 
     Raises:
-        InputError: next to nothing of its image is valid.
+        InputError: next to nothing of its image is valid, or it is turned about the axis.
     """
     pixels = used_pixels(model, _GRID)
     rays = model.unproject(pixels)[0] if len(pixels) else np.zeros((0, 3))
