@@ -1,6 +1,7 @@
 """Files that are broken, hostile, or of another kind: one line that says where, and nothing else happens."""
 
 import json
+import time
 
 import numpy as np
 import pytest
@@ -10,6 +11,9 @@ from tests.calibration.format_samples import K_DATA, SAMPLES
 from omniservo.camera_files import load_model, save_camera
 from omniservo.cameras.models import KannalaBrandt, Pinhole
 from omniservo.errors import InputError
+
+K_ROWS = [[300.0, 0.0, 320.0], [0.0, 300.0, 240.0], [0.0, 0.0, 1.0]]
+RADTAN = [-0.2, 0.05, 0.001, -0.002, 0.01]
 
 
 def refusal(tmp_path, text, **options):
@@ -47,6 +51,11 @@ CHANGES = [
         "OpenCV omnidir, XML, xi a number",
         ("<dt>d</dt>", "<dt>run()</dt>"),
         "'run()' given; legal: as in OpenCV",
+    ),
+    (
+        "OpenCV omnidir, XML, xi a number",
+        ("<dt>d</dt>", f"<dt>{5000 * '1'}d</dt>"),
+        "given; legal: as in OpenCV",
     ),
     (
         "OpenCV omnidir, XML, xi a number",
@@ -253,6 +262,78 @@ def test_a_large_broken_file_is_refused_and_deep_json_without_a_traceback(tmp_pa
     assert message == "value0.intrinsics[0].intrinsics.fx: 0 given; legal: any number but 0"
     deep = '{"cam0": {"camera_model": ' + "[" * 400 + "]" * 400 + "}}"
     assert "cam0.camera_model" in refusal(tmp_path, deep)
+
+
+@pytest.mark.parametrize("size", [640, (640,), (640, 480, 3), (640.5, 480), ("640", "480"), "640x480"])
+def test_a_size_that_is_none_is_named_whatever_the_file_says(tmp_path, size):
+    path = tmp_path / "camera.json"
+    path.write_text('{"K": [[300, 0, 320], [0, 300, 240], [0, 0, 1]], "D": [0, 0, 0, 0, 0]}')
+    with pytest.raises(InputError, match="^size: "):
+        load_model(path, size=size)
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {"K": K_ROWS, "distortion_parameters": RADTAN},
+        {"K1": K_ROWS, "K2": K_ROWS, "D": RADTAN},
+        {"K1": K_ROWS, "K2": K_ROWS, "distCoeffs": {"rows": 1, "cols": 5, "data": RADTAN}, "D2": RADTAN},
+    ],
+)
+def test_a_distortion_that_is_not_known_for_one_is_not_left_out(tmp_path, fields):
+    path = tmp_path / "camera.json"
+    path.write_text(json.dumps({**fields, "image_size": [640, 480]}))
+    with pytest.raises(InputError, match="not known as this camera's distortion; legal: "):
+        load_model(path, name="1" if "K1" in fields else None)
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        (
+            {"xi": 1.1, "fx": 300, "fy": 300, "cx": 320, "cy": 240, "distortion": RADTAN[:4]},
+            "not read beside xi",
+        ),
+        (
+            {
+                "type": "pinhole",
+                "intrinsics": [300, 300, 320, 240],
+                "image_width": 640,
+                "image_height": 480,
+                "distortion": RADTAN[:4],
+            },
+            "distortion: .* a mapping with type is needed",
+        ),
+    ],
+    ids=["Mei", "SVO"],
+)
+def test_a_distortion_in_another_form_is_refused(tmp_path, fields, message):
+    path = tmp_path / "camera.json"
+    path.write_text(json.dumps(fields))
+    with pytest.raises(InputError, match=message):
+        load_model(path, size=(640, 480))
+
+
+def test_the_name_that_is_usual_in_python_is_known(tmp_path):
+    """It was left out, and the camera had no distortion."""
+    path = tmp_path / "camera.yaml"
+    path.write_text(yaml.safe_dump({"camera_matrix": K_ROWS, "dist_coeff": [RADTAN]}))
+    assert load_model(path, size=(640, 480)).distortion == tuple(RADTAN)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ['Intrinsic of "a"' + 200_000 * " " + "x", 200_000 * "1" + "x", "<a><b>" + 200_000 * "1" + "x</b></a>"],
+    ids=["RealSense", "table", "XML"],
+)
+def test_no_pattern_takes_long_over_what_almost_fits(tmp_path, text):
+    """Each took time with the square of the length: minutes here, hours with the megabyte that is read."""
+    path = tmp_path / "camera"
+    path.write_text(text)
+    begin = time.process_time()
+    with pytest.raises(InputError):
+        load_model(path)
+    assert time.process_time() - begin < 5.0
 
 
 def test_numbers_of_tables_and_xml_are_plain_decimal_numbers(tmp_path):

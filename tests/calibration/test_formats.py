@@ -256,7 +256,7 @@ def test_every_conversion_of_a_chain_adds_its_residual_to_the_deviation(tmp_path
         total += residual.largest_px
         save_camera(model, tmp_path / format_name, format_name)
         camera = load_model(tmp_path / format_name)
-        assert total <= camera.deviation_px < total + 1e-12
+        assert total < camera.deviation_px < 0.25 + 1.002 * (total - 0.25)
     pixels = np.random.default_rng(4).uniform([0, 0], [511, 511], (2000, 2))
     rays, valid = NARROW.unproject(pixels)
     seen, also = camera.project(rays)

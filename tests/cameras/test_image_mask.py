@@ -52,6 +52,20 @@ def test_the_edges_are_those_of_the_convex_hull():
         assert np.allclose(np.linalg.norm(outward_edges(mask[0])[:, :2], axis=1), 1.0)
 
 
+def test_a_corner_that_is_nearly_none_does_not_turn_a_polygon_inside_out():
+    """The turn at one corner is but rounding here; the side that is inside was told by it."""
+    polygons = (
+        ((36.7, 43.2), (111.25714285714285, 51.5), (260.37142857142857, 68.1), (61.6, -180.47142857142853)),
+        ((2.9, 419.7), (53.42857142857142, 441.0333333333333), (103.95714285714286, 462.3666666666666),
+         (66.9, 268.1142857142857)),
+    )  # fmt: skip
+    for polygon in polygons:
+        for corners in (polygon, polygon[::-1]):
+            masked = camera([corners])
+            assert not masked.in_image(np.mean(corners, axis=0)).any()
+            assert masked.in_image([600.0, 400.0])
+
+
 def test_limits_hold_the_polygons_grown_by_the_margin():
     masked = camera([SQUARE, PENTAGON])
     limits = masked.image_limits(3.0)

@@ -2,6 +2,7 @@
 
 import math
 
+import mpmath
 import numpy as np
 import pytest
 
@@ -55,6 +56,8 @@ MODELS = {
     "equirectangular, 2 rad": Equirectangular(1000, 700, max_angle=2.0),
 }
 """Every model, at least one of each that folds in its image, one that ends at max_angle, one mirrored"""
+
+MIRRORS = [UnifiedCamera(300.0, 300.0, 320.0, 240.0, xi, 640, 480) for xi in (0.0, 0.3, 0.9, 1.0, 1.5)]
 
 SKIPS_POLES = ("equirectangular", "equirectangular, 2 rad")
 
@@ -207,6 +210,72 @@ def test_max_angle_is_the_limit_inclusive():
     assert lens.usable_angle == 1.2
     assert lens.project(at_angle(1.2, np.linspace(0, 6, 50)))[1].all()
     assert lens.warnings == ()
+
+
+@pytest.mark.parametrize("model", [m for m in MODELS.values() if m.max_angle is None] + MIRRORS, ids=repr)
+def test_a_lens_that_ends_a_rounding_before_its_formula_sees_what_the_formula_does(model):
+    """The denominator of the last radius was 0 by rounding: a ZeroDivisionError."""
+    angle = model.usable_angle
+    pixels = np.random.default_rng(5).uniform(-0.5, [model.width - 0.5, model.height - 0.5], (200, 2))
+    for last in (math.nextafter(angle, 0.0), float(f"{angle:.15g}")):
+        ended = camera_from_dict({**model.to_dict(), "max_angle": min(last, math.pi)})
+        assert ended.usable_angle == pytest.approx(angle, abs=1e-14)
+        assert np.array_equal(ended.unproject(pixels)[1], model.unproject(pixels)[1])
+
+
+def test_what_a_double_sphere_with_xi_1_does_not_show_has_no_bearing():
+    """All directions are in the disc of radius 1/α: pixels beyond it saw straight back."""
+    sphere = DoubleSphere(206.0, 206.0, 320.0, 240.0, 1.0, 0.4, 1400, 1400)
+    pixels = 320.0 + 206.0 / 0.4 * np.array([0.0, 0.5, 0.999, 1.001, 1.5])
+    pixels = np.column_stack([pixels, np.full(5, 240.0)])
+    bearings, valid = sphere.unproject(pixels)
+    assert valid.tolist() == [True, True, True, False, False]
+    again, seen = sphere.project(bearings[valid])
+    assert seen.all()
+    np.testing.assert_allclose(again, pixels[valid], rtol=0.0, atol=1e-9)
+    parabolic = DoubleSphere(206.0, 206.0, 320.0, 240.0, 1.0, 0.0, 640, 480)
+    assert parabolic.unproject([1e6, 240.0])[1]
+
+
+def test_the_panorama_s_derivatives_are_those_of_its_side_of_the_seam():
+    """A step over the seam is a step over the whole image: it was taken for a slope of 10⁷ px/m."""
+    panorama = Equirectangular(1000, 500)
+    points = np.array([[1e-7, 0.1, -1.0], [-1e-7, -0.4, -2.0], [1e-6, 0.999999, -1e-6], [0.3, 0.2, -1.0]])
+    pixels, slopes, valid = panorama.project_jacobian(points)
+    assert valid.all()
+    assert np.array_equal(pixels, panorama.project(points)[0])
+    for point, slope in zip(points, slopes, strict=True):
+        for k in range(3):
+            derivative = mpmath.diff(lambda s, p=point, k=k: _longitude(p, k, s), 0)
+            assert slope[0, k] == pytest.approx(500 / math.pi * float(derivative), rel=1e-9, abs=1e-9)
+            derivative = mpmath.diff(lambda s, p=point, k=k: _latitude(p, k, s), 0)
+            assert slope[1, k] == pytest.approx(500 / math.pi * float(derivative), rel=1e-9, abs=1e-9)
+
+
+def _longitude(point, k, step):
+    x, _, z = (mpmath.mpf(float(c)) + step * (i == k) for i, c in enumerate(point))
+    return -mpmath.atan2(x, -z)  # which is smooth straight behind
+
+
+def _latitude(point, k, step):
+    x, y, z = (mpmath.mpf(float(c)) + step * (i == k) for i, c in enumerate(point))
+    return mpmath.atan2(y, mpmath.hypot(x, z))
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("model", [MODELS["kb"], MODELS["equirectangular"]], ids=["kb", "equirectangular"])
+def test_derivatives_at_what_is_no_point_are_not_valid_and_warn_of_nothing(model):
+    points = [[math.inf, 0.0, 1.0], [1e200, 0.0, 1.0], [0.0, 0.0, 0.0], [math.nan, 1.0, 1.0], [0.1, 0.2, 1.0]]
+    assert model.project_jacobian(points)[2].tolist() == [False] * 4 + [True]
+    assert model.unproject_jacobian([[math.inf, 0.0], [60.0, 50.0]])[2].tolist() == [False, True]
+
+
+def test_numbers_by_name_or_in_no_order_are_no_list_of_numbers():
+    for k in ({1: 0.1, 2: 0.2, 3: 0.3, 4: 0.4}, {0.1, 0.2, 0.3, 0.4}):
+        with pytest.raises(InputError, match="^k: .* legal: four numbers"):
+            KannalaBrandt(300.0, 300.0, 320.0, 240.0, 640, 480, k=k)
+        with pytest.raises(InputError, match=r"^dead_zone.center: .* legal: two numbers \[u, v\]"):
+            DeadZone(dict(list(k.items())[:2]) if isinstance(k, dict) else {3.0, 4.0}, 5.0)
 
 
 def test_not_a_number_is_not_valid_and_does_not_spread(model):

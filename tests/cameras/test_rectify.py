@@ -14,7 +14,7 @@ from omniservo.cameras import (
     rectify,
     tangent_view,
 )
-from omniservo.cameras.models import KannalaBrandt
+from omniservo.cameras.models import Equirectangular, KannalaBrandt
 from omniservo.errors import InputError
 
 
@@ -98,6 +98,13 @@ def test_the_cylinder_refuses_what_other_cameras_refuse():
         view.unproject([1.0, 2.0, 3.0])
     assert view.project(np.empty((0, 4, 3)))[0].shape == (0, 4, 2)
     assert view.unproject(np.empty((0, 4, 2)))[0].shape == (0, 4, 3)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_point_that_has_no_number_on_the_cylinder_is_not_valid():
+    cylinder = cylindrical_view(3.0, (100, 100))
+    points = [[math.inf, 0.0, 1.0], [0.0, 1.0, 0.0], [1e-300, 1e300, 0.0], [1.0, 2.0, 3.0]]
+    assert cylinder.project(points)[1].tolist() == [False, False, False, True]
 
 
 def test_upright_lines_stay_upright_on_the_cylinder():
@@ -199,8 +206,9 @@ def test_what_is_no_view_is_refused(change, named):
         lambda: cylindrical_view(1.0, (10, 20_000)),
         lambda: equirectangular_view((16_384, 16_384)),
         lambda: perspective_view(1.0, (10,)),
+        lambda: rectify(preset("fe185"), np.zeros((432, 659)), Equirectangular(100_000, 100_000)),
     ],
 )
 def test_views_that_cannot_be_are_refused(made):
-    with pytest.raises(InputError, match="field_of_view|size"):
+    with pytest.raises(InputError, match="field_of_view|size|view: 100000x100000 given"):
         made()

@@ -32,7 +32,8 @@ def test_a_converted_file_keeps_what_the_conversion_leaves(capsys, tmp_path, ste
     residual = json.loads(said)["largest_px"]
     assert residual > 2.0
     direct = load_camera(stereo, name="cam0", largest_px=5.0).deviation_px
-    assert load_camera(out).deviation_px == direct == json.loads(said)["deviation_px"] == residual
+    assert load_camera(out).deviation_px == direct == json.loads(said)["deviation_px"]
+    assert residual < direct < 1.002 * residual
 
 
 @pytest.mark.parametrize(

@@ -90,6 +90,8 @@ def test_yaml_numbers_are_decimal_and_none_takes_long():
     assert parse_document("a: [1:30, 0x10, 010, 1_000]", "file") == {"a": ["1:30", "0x10", 10.0, "1_000"]}
     sixties = "1" + ":11" * 300_000  # as a number to the base 60: half a minute
     assert parse_document(f"a: {sixties}", "file") == {"a": sixties}
+    almost = "1" * 300_000 + "x"  # hours, where a number's digits can be parted in two ways
+    assert parse_document(f"a: {almost}", "file") == {"a": almost}
 
 
 def test_a_picture_is_read_by_formats_that_run_nothing(tmp_path):

@@ -4,6 +4,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import cv2
 import mujoco
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from omniservo.cameras.models import Equirectangular, KannalaBrandt
 from omniservo.errors import InputError
 from omniservo.simulation import load_scene_model
 from omniservo.simulation.mesh_coordinates import mesh_coordinates
+from omniservo.simulation.video import video_bytes
 
 SCENE = Path(__file__).resolve().parents[2] / "examples/scene.xml"
 POSE = RigidTransform.from_components([0.1, -0.9, 0.5], Rotation.from_euler("x", -100, degrees=True))
@@ -147,6 +149,27 @@ def test_wrong_values_are_named(scene, wrong):
     given[wrong] = "nothing"
     with pytest.raises(InputError, match=f"^{('model', 'data', 'camera', 'pose')[wrong]}: "):
         render(*given)
+
+
+def test_a_camera_of_more_pixels_than_memory_is_refused_before_any_is_drawn(scene):
+    """A small calibration file can state 10¹⁰ of them."""
+    with pytest.raises(InputError, match="^camera: 100000x100000 pixels given; legal: at most 33554432"):
+        render(*scene, UnifiedCamera(300, 300, 1, 2, 1.0, 100_000, 100_000), POSE)
+
+
+@pytest.mark.parametrize("ending", [".mp4", ".avi"])
+def test_a_video_of_odd_sides_shows_all_of_its_frames(tmp_path, ending):
+    """Codecs of even sides cut the last row and column off."""
+    frames = np.zeros((3, 77, 101, 3), dtype=np.uint8)
+    frames[:, 69:, 93:] = 255
+    path = tmp_path / f"video{ending}"
+    path.write_bytes(video_bytes(iter(frames), ending, 25.0))
+    reader = cv2.VideoCapture(str(path))
+    shown = [reader.read()[1] for _ in frames]
+    for image in shown:
+        assert image.shape == (78, 102, 3)
+        assert (image[71:, 95:] > 200).all()
+        assert image[:60, :85].max() < 50
 
 
 def test_data_of_another_model_is_refused(scene):

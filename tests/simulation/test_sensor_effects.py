@@ -66,6 +66,18 @@ def test_defocus_spreads_a_point_evenly_over_its_disc(radius):
     np.testing.assert_allclose(found[window, window], 255 * kernel, atol=0.51)
 
 
+@pytest.mark.filterwarnings("error")
+def test_the_darkest_and_the_smallest_images_are_photographed():
+    """A large disc passes a Fourier transform: what was black came out below 0, which has no shot noise."""
+    image = np.zeros((64, 64))
+    image[:, 20:40] = 1.0
+    found = photo(image, defocus=6.0, gain=0.1)
+    assert found[:, 30].mean() == pytest.approx(255.0, abs=3.0)
+    assert (found[:, :10] == 0.0).all()
+    assert photo(np.full((1, 1), 0.5), vignetting=0.3).item() == 128.0
+    assert (photo(np.full((4, 4), 0.8), gain=1e-20) == 204.0).all()
+
+
 @pytest.mark.parametrize("quality", [1, 80, 100])
 def test_jpeg_is_what_opencvs_codec_gives(quality):
     plain = photo(SCENE).astype(np.uint8)

@@ -1,6 +1,7 @@
 """What only the simulator knows: another lens than the one that is told, and lights that change."""
 
 import re
+import tracemalloc
 from dataclasses import replace
 from pathlib import Path
 
@@ -74,6 +75,16 @@ def test_a_lens_error_has_the_stated_size_and_is_alike_over_the_stated_length():
     apart = (fields[:, :, 8:] * fields[:, :, :-8]).mean() / (fields**2).mean()  # 128 px
     assert apart == pytest.approx(np.exp(-0.5), abs=0.06)
     assert abs(np.corrcoef(fields[..., 0].ravel(), fields[..., 1].ravel())[0, 1]) < 0.1
+
+
+def test_the_lens_error_of_a_large_image_takes_little_memory():
+    pixels = np.stack(np.meshgrid(np.arange(640.0), np.arange(480.0)), axis=-1)
+    error = LensError(0.3, 128.0)
+    tracemalloc.start()
+    error.at(pixels)
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert most < 10 * pixels.nbytes
 
 
 def test_the_true_lens_sees_what_the_model_has_where_the_pixel_came_from(make_scene):

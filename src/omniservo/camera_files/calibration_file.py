@@ -11,12 +11,14 @@ from typing import Any, TypeVar
 
 from omniservo.camera_files.binary_table import camera_rows
 from omniservo.camera_files.document import LENS, FieldPath, parse_fields
+from omniservo.cameras.camera_fields import image_size, numbers
 from omniservo.cameras.models.central_model import CentralModel
 from omniservo.errors import InputError, spelled, spelled_name
 from omniservo.files import as_text, read_bytes
 from omniservo.geometry.arrays import finite_number
 
 _MAX_BYTES = 2**20
+_LARGEST_SIDE = 1e6
 LENS_FIELDS = (
     "max_angle", "dead_zone", "mask", "deviation_px", "model_error", "calibration_covariance",
 )  # fmt: skip
@@ -45,6 +47,9 @@ class CalibrationFile:
         Raises:
             InputError: unreadable, too large, or none of these.
         """
+        if size is not None:
+            width, height = numbers("size", size, (2,), "(width, height) [px]", _LARGEST_SIDE)
+            size = image_size("size", width), image_size("size", height)
         content = read_bytes(path, max_bytes=_MAX_BYTES)
         if b"\0" in content[:8]:  # no text has one, and every cameras.bin begins with a small number
             return cls(str(path), camera_rows(content, str(path)), lambda _: 0, size, model)
@@ -125,7 +130,7 @@ class CalibrationFile:
         value = self.value(*path)
         if isinstance(value, Mapping):
             rows, cols = (self.number(*path, name, minimum=0.0) for name in ("rows", "cols"))
-            channels = re.fullmatch(r"(\d*)[a-z]", str(value.get("dt", "d")))
+            channels = re.fullmatch(r"(\d{0,3})[a-z]", str(value.get("dt", "d")))
             if channels is None:
                 raise self.error(f"{spelled(value['dt'])} given; legal: as in OpenCV, d or 2f", *path, "dt")
             values, path = self.value(*path, "data"), (*path, "data")

@@ -27,7 +27,7 @@ _LONGEST_SEARCHED = 2**18
 OST = "cameras of camera_calibration"
 """the field under which the cameras of ROS's ``ost.txt`` are kept"""
 
-_STREAM = re.compile(r'^ *Intrinsic of "([^"\n]+)" +/? *(\d+x\d+)', flags=re.MULTILINE)
+_STREAM = re.compile(r'^ *Intrinsic of "([^"\n]+)" +(?:/ *)?(\d+x\d+)', flags=re.MULTILINE)
 
 _OST = re.compile(r"^\[image\]\s+width\s", flags=re.MULTILINE)
 

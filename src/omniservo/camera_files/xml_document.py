@@ -8,7 +8,7 @@ from typing import Any
 from omniservo.files.xml_files import XmlElement, parse_elements
 
 _NUMBER = re.compile(
-    r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)(e[-+]?[0-9]+)?|[-+]?\.?(inf|infinity|nan)", re.IGNORECASE | re.ASCII
+    r"[-+]?([0-9]+(\.[0-9]*)?|\.[0-9]+)(e[-+]?[0-9]+)?|[-+]?\.?(inf|infinity|nan)", re.IGNORECASE | re.ASCII
 )
 _SHORT_WHOLE = re.compile(r"[-+]?[1-9][0-9]{0,8}|0")
 

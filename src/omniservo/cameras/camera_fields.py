@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from typing import Any, Protocol
 
 import numpy as np
@@ -83,7 +83,11 @@ def largest_angle(value: Any) -> float | None:
 
 def numbers(name: str, value: Any, counts: Sequence[int], meaning: str, largest: float) -> tuple[float, ...]:
     """Return as many finite numbers as one of ``counts`` says, none larger than ``largest`` in size."""
-    if isinstance(value, str | bytes) or not hasattr(value, "__len__") or len(value) not in counts:
+    if (
+        isinstance(value, str | bytes | Mapping | Set)
+        or not hasattr(value, "__len__")
+        or len(value) not in counts
+    ):
         raise InputError(f"{name}: {spelled(value)} given; legal: {meaning}")
     return tuple(finite_number(name, k, minimum=-largest, maximum=largest) for k in value)
 

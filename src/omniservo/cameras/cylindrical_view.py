@@ -35,9 +35,11 @@ class CylindricalView:
     def project(self, points: npt.ArrayLike) -> tuple[FloatArray, BoolArray]:
         """Return the pixels (…, 2) [px] of points (…, 3), and valid (…): not on the cylinder's axis."""
         rows, shape = rows_of("points", points, 3)
-        across = np.hypot(rows[:, 0], rows[:, 2])
-        valid = np.isfinite(rows).all(axis=1) & (across > 0.0)
-        u = self.focal_length * np.arctan2(rows[:, 0], rows[:, 2]) + 0.5 * (self.width - 1)
-        v = self.focal_length * rows[:, 1] / np.where(valid, across, 1.0) + 0.5 * (self.height - 1)
+        with np.errstate(over="ignore"):
+            across = np.hypot(rows[:, 0], rows[:, 2])
+            valid = np.isfinite(rows).all(axis=1) & (across > 0.0)
+            u = self.focal_length * np.arctan2(rows[:, 0], rows[:, 2]) + 0.5 * (self.width - 1)
+            v = self.focal_length * rows[:, 1] / np.where(valid, across, 1.0) + 0.5 * (self.height - 1)
+        valid &= np.isfinite(v)
         pixels = np.where(valid[:, None], np.stack([u, v], axis=1), np.nan)
         return pixels.reshape(*shape, 2), valid.reshape(shape)

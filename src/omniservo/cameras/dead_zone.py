@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 from typing import Any
 
@@ -30,7 +30,8 @@ class DeadZone:
 
     def __post_init__(self) -> None:
         center = self.center
-        if isinstance(center, str | bytes) or not hasattr(center, "__len__") or len(center) != 2:
+        is_list = hasattr(center, "__len__") and not isinstance(center, str | bytes | Mapping | Set)
+        if not is_list or len(center) != 2:
             raise InputError(f"dead_zone.center: {spelled(center)} given; legal: two numbers [u, v]")
         numbers = tuple(
             finite_number("dead_zone.center", c, minimum=-LARGEST_PX, maximum=LARGEST_PX) for c in center

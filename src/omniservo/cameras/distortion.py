@@ -11,6 +11,7 @@ axes along and across m:
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -35,10 +36,10 @@ def largest_invertible_radius(distortion: Distortion) -> float:
         [1.0, -6.0 * q, 3.0 * k1, 0.0, 5.0 * k2],
         [1.0, -2.0 * q, k1, 0.0, k2],
     ]  # ψ = π: a − 6Qr, b − 2Qr
-    folds = [r for polynomial in opposed for r in _positive_roots(polynomial)]
+    folds = [r for polynomial in opposed for r in positive_roots(polynomial)]
     # between, at cos ψ = −(a + 3b)/(16 Q r): det J / r² as a cubic in r²
     cubic = [k1 - 4.0 * q * q, 0.75 * k1 * k1 + 2.0 * k2, 2.0 * k1 * k2, k2 * k2]
-    oblique = [math.sqrt(s) for s in _positive_roots(cubic)]
+    oblique = [math.sqrt(s) for s in positive_roots(cubic)]
     folds += [r for r in oblique if abs(4.0 + 6.0 * k1 * r**2 + 8.0 * k2 * r**4) <= 16.0 * q * r]
     return min(folds, default=math.inf) * _SHORT_OF_THE_FOLD
 
@@ -71,7 +72,7 @@ def _least_quadratic(linear: float, square: float, end: float) -> float:
     return min(1.0, at_end)
 
 
-def _positive_roots(coefficients: list[float]) -> list[float]:
+def positive_roots(coefficients: Sequence[float]) -> list[float]:
     """Return the real roots r > 0 of Σ coefficients[i] rⁱ, found as 1/t because the high ones may vanish.
 
     A nearly double root counts as real, which errs to the safe side.

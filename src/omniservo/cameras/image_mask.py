@@ -43,8 +43,9 @@ def outward_edges(polygon: Sequence[Corner], margin_px: float = 0.0) -> FloatArr
     corners = np.array(polygon)
     along = np.roll(corners, -1, axis=0) - corners
     normals = np.column_stack([along[:, 1], -along[:, 0]]) / np.hypot(along[:, 0], along[:, 1])[:, None]
-    if along[0, 0] * along[1, 1] < along[0, 1] * along[1, 0]:
-        normals = -normals
+    spread = corners - corners[0]
+    area = spread[:, 0] @ along[:, 1] - spread[:, 1] @ along[:, 0]
+    normals = normals if area > 0.0 else -normals  # a single corner's turn may be but rounding
     return np.column_stack([normals, np.einsum("ij,ij->i", normals, corners) + margin_px])
 
 

@@ -72,7 +72,8 @@ def rectify(
             for a view straight up or down.
 
     Raises:
-        InputError: the image is not the camera's, a direction is none, or ``up`` lies along ``direction``.
+        InputError: the image is not the camera's, the view has more than 2²⁶ pixels, a direction is none, or
+            ``up`` lies along ``direction``.
     """
     source = np.asarray(image)
     if source.ndim not in (2, 3) or source.shape[:2] != (camera.height, camera.width):
@@ -80,6 +81,7 @@ def rectify(
         raise InputError(f"image: shape {source.shape} given; the camera's is {size_needed}")
     if source.dtype.kind not in "uif":
         raise InputError(f"image: {source.dtype} given; numbers are needed")
+    _refuse_large("view", view.width, view.height)
     camera_R_view = _orientation(direction, up)
     values = source if source.dtype.kind != "f" else source.astype(np.float64, copy=False)
     resampled = np.zeros((view.height, view.width, *source.shape[2:]), dtype=source.dtype)
@@ -153,9 +155,13 @@ def equirectangular_view(size: tuple[int, int]) -> Equirectangular:
 def _size(size: tuple[int, int]) -> tuple[int, int]:
     sides = numbers("size", size, (2,), "(width, height)", _LARGEST_SIDE)
     width, height = (image_size("size", side) for side in sides)
-    if width * height > _LARGEST_IMAGE:
-        raise InputError(f"size: {width}x{height} given; legal: at most {_LARGEST_IMAGE} pixels")
+    _refuse_large("size", width, height)
     return width, height
+
+
+def _refuse_large(name: str, width: int, height: int) -> None:
+    if width * height > _LARGEST_IMAGE:
+        raise InputError(f"{name}: {width}x{height} given; legal: at most {_LARGEST_IMAGE} pixels")
 
 
 def _orientation(direction: npt.ArrayLike, up: npt.ArrayLike | None) -> Rotation:

@@ -159,7 +159,8 @@ class UnifiedCamera(KernelCamera):
         if self.max_angle is not None and self.max_angle < angle:
             angle = self.max_angle
             cosine = max(cosine, math.cos(angle) - _ANGLE_SLACK)
-            r2 = min(r2, (math.sin(angle) / (cosine + self.xi)) ** 2)
+            if cosine + self.xi > 0.0:  # else the lens ends with the model, to the rounding
+                r2 = min(r2, (math.sin(angle) / (cosine + self.xi)) ** 2)
         radius = largest_invertible_radius(self.distortion)
         if radius * radius < r2:
             r2 = radius * radius

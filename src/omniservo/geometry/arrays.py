@@ -52,7 +52,7 @@ def finite_number(
     Raises:
         InputError: not a number, NaN, infinite, or out of range.
     """
-    if isinstance(value, bool | str | bytes):
+    if isinstance(value, bool | np.bool_ | str | bytes):
         raise InputError(f"{name}: {spelled(value)} given; a number is needed")
     try:
         number = float(value)

@@ -35,9 +35,12 @@ class LensError:
     def at(self, pixels: FloatArray) -> FloatArray:
         """Return d (…, 2) [px] at pixels (…, 2)."""
         waves, phases = self._sample
-        found = np.empty(pixels.shape)
+        found = np.zeros(pixels.shape)
         for k in range(2):
-            found[..., k] = np.cos(np.einsum("...j,ij->...i", pixels, waves[k]) + phases[k]).sum(axis=-1)
+            for (across, down), phase in zip(
+                waves[k], phases[k], strict=True
+            ):  # one by one: images are large
+                found[..., k] += np.cos(across * pixels[..., 0] + down * pixels[..., 1] + phase)
         return np.asarray(self.sigma * math.sqrt(2.0 / _WAVES) * found)
 
     @cached_property

@@ -8,6 +8,7 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import ByteArray, FloatArray
 from omniservo.scenes import Scene
+from omniservo.simulation.largest_image import refuse_larger
 from omniservo.simulation.simulated_robot import Exposure
 
 PAPER, DOT = 200, 40
@@ -22,16 +23,19 @@ _FINER = 8
 class ProjectedDots:
     """Draws the outlines of all dots that face the camera; nothing is in their way, and there is no noise.
 
+    They lie where the true camera's model has them: without the scene's lens error, dead zone and mask.
+
     Args:
         scene: with dots.
 
     Raises:
-        InputError: it has none.
+        InputError: it has none, or the camera has more than 2²⁵ pixels.
     """
 
     def __init__(self, scene: Scene) -> None:
         if scene.dots is None or not len(scene.dots.centers):
             raise InputError("--projected: the target has no dots, which alone are sent in place of pictures")
+        refuse_larger(scene.camera)
         self._scene, dots = scene, scene.dots
         self._camera = scene.true_camera or scene.camera
         self._centers, self._normals = dots.centers, dots.normals

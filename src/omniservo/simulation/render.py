@@ -13,6 +13,7 @@ from omniservo.cameras.models import CentralModel
 from omniservo.errors import InputError, spelled
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
+from omniservo.simulation.largest_image import refuse_larger
 from omniservo.simulation.model_light import ModelLight
 from omniservo.simulation.model_rays import ModelRays
 from omniservo.simulation.model_surfaces import ModelSurfaces
@@ -55,12 +56,13 @@ class ModelRenderer:
             camera: any central camera.
 
         Raises:
-            InputError: not a MuJoCo model, or no camera.
+            InputError: not a MuJoCo model, no camera, or one of more than 2²⁵ pixels.
         """
         if not isinstance(model, mujoco.MjModel):
             raise InputError(f"model: {spelled(model)} given; legal: a mujoco.MjModel")
         if not isinstance(camera, CentralModel):
             raise InputError(f"camera: {spelled(camera)} given; legal: a camera, as load_model returns it")
+        refuse_larger(camera)
         self._model, self._camera = model, camera
         u, v = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
         self._bearings, self._lit = self._sightlines(np.stack([u, v], axis=-1).astype(np.float64))

@@ -14,6 +14,7 @@ from omniservo.scenes import Sensor
 from omniservo.simulation.pixel_edges import sheared_grid
 
 _BLUR_REACH = 4.0  # standard deviations
+_LEAST_GAIN = 1e-9  # grey values per electron, below which shot noise is far below a step of 1
 _FINE = 16  # points along a side of a pixel by which a disc's share of it is told
 
 
@@ -30,11 +31,12 @@ def grey_values(image: FloatArray, sensor: Sensor, random: np.random.Generator) 
     light = (255.0 * image).astype(np.float32)
     if sensor.defocus > 0.0:
         light = cv2.filter2D(light, -1, disc(sensor.defocus), borderType=cv2.BORDER_REPLICATE)
+        np.maximum(light, 0.0, out=light)  # large discs pass a Fourier transform, whose rounding goes below
     if sensor.blur > 0.0:
         light = gaussian_filter(light, sensor.blur, mode="nearest", truncate=_BLUR_REACH)
     if sensor.vignetting > 0.0:
         light *= light_left(sensor.vignetting, *light.shape)
-    if sensor.gain > 0.0:
+    if sensor.gain > _LEAST_GAIN:
         light = (sensor.gain * random.poisson(light / sensor.gain)).astype(np.float32)
     if sensor.noise > 0.0:
         light += np.float32(sensor.noise) * random.standard_normal(light.shape, dtype=np.float32)
@@ -55,7 +57,7 @@ def light_left(vignetting: float, height: int, width: int) -> NDArray[np.float32
     """Return 1 − vignetting · (r / corner's r)² of each pixel (height, width), r from the image's middle."""
     v, u = np.mgrid[:height, :width]
     squares = (u - 0.5 * (width - 1)) ** 2 + (v - 0.5 * (height - 1)) ** 2
-    return np.asarray(1.0 - vignetting * squares / squares.max(), dtype=np.float32)
+    return np.asarray(1.0 - vignetting * squares / (squares.max() or 1.0), dtype=np.float32)
 
 
 def compressed(image: ByteArray, quality: int) -> ByteArray:

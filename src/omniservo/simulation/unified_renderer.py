@@ -12,6 +12,7 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from omniservo.scenes import Light
 from omniservo.simulation.exposure_times import exposure_times
+from omniservo.simulation.largest_image import refuse_larger
 from omniservo.simulation.panel_pictures import Footprints, PanelPictures
 from omniservo.simulation.pixel_edges import differs_from_neighbour, fill_between_alike, sheared_grid
 from omniservo.simulation.ray_caster import MISS, RayCaster
@@ -78,7 +79,12 @@ class UnifiedRenderer:
     """
 
     def __init__(self, world: World) -> None:
-        """Prepare the rays of all pixels, and two threads."""
+        """Prepare the rays of all pixels, and two threads.
+
+        Raises:
+            InputError: the camera has more than 2²⁵ pixels.
+        """
+        refuse_larger(world.scene.camera)
         self.world = world
         """as given"""
         self._lens = TrueLens(world.scene)

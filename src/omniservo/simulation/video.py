@@ -23,7 +23,8 @@ def video_bytes(frames: Iterable[ByteArray], ending: str, rate: float) -> bytes:
     """Return frames (height, width, 3), of one size, as the bytes of a video file.
 
     Args:
-        frames: colours, at least one; they are taken one after the other and not kept.
+        frames: colours, at least one; they are taken one after the other and not kept. In .mp4 and .avi,
+            whose sides are even, an odd one has its last row or column twice.
         ending: of `VIDEO_ENDINGS`.
         rate: frames a second.
 
@@ -43,9 +44,11 @@ def video_bytes(frames: Iterable[ByteArray], ending: str, rate: float) -> bytes:
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / f"video{ending}"
         codec = cv2.VideoWriter.fourcc(*_CODECS[ending])
-        writer = cv2.VideoWriter(str(file), codec, rate, (width, height))
+        grown = (0, height % 2, 0, width % 2)
+        writer = cv2.VideoWriter(str(file), codec, rate, (width + width % 2, height + height % 2))
         for frame in chain([first], rest):
-            writer.write(cv2.cvtColor(frame, cv2.COLOR_RGB2BGR))
+            even = cv2.copyMakeBorder(frame, *grown, cv2.BORDER_REPLICATE)
+            writer.write(cv2.cvtColor(even, cv2.COLOR_RGB2BGR))
         writer.release()
         if not file.is_file() or not file.stat().st_size:
             raise InputError(f"video: OpenCV cannot write {ending} here; legal: .gif")

@@ -40,6 +40,9 @@ def read(file: CalibrationFile, name: str) -> UnifiedCamera:
     Raises:
         InputError: a value is missing or not legal, or the caller does not say the image size.
     """
+    for field in file.fields:
+        if str(field).lower().startswith("dist"):
+            raise file.error("not read beside xi; legal: k1, k2, p1, p2, one number each, or kc", str(field))
     if file.has("gammac"):
         fx, fy = file.numbers(2, "gammac", nonzero=(0, 1))
         cx, cy = file.numbers(2, "cc")

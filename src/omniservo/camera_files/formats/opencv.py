@@ -38,6 +38,8 @@ _DISTORTION = (
     "distcoeffs",
     "distortioncoeffs",
     "distcoefs",
+    "distcoeff",
+    "distcoef",
     "distortion",
     "dist",
 )
@@ -82,7 +84,7 @@ def read(file: CalibrationFile, name: str) -> CentralModel:
     ending = name if name in _matrices(held) else ""
     given: dict[str, Any] = file.intrinsics(*root, _matrices(held)[ending])
     given |= _size(file, held, root)
-    place = _field(held, _DISTORTION, ending)
+    place = _distortion(file, held, root, ending)
     xi = _field(held, ("xi",), ending)
     if xi is not None:
         if file.model is not None:
@@ -139,6 +141,26 @@ def _field(held: Mapping[str, Any], wanted: tuple[str, ...], ending: str = "") -
     """Return the field whose plain name is one of the wanted, with the ending."""
     plain = {_plain(name): str(name) for name in reversed(list(held))}
     return next((plain[name + ending] for name in wanted if name + ending in plain), None)
+
+
+def _distortion(file: CalibrationFile, held: Mapping[str, Any], root: FieldPath, ending: str) -> str | None:
+    """Return the field of a camera's distortion.
+
+    Raises:
+        InputError: there is none, but one that may be meant for it.
+    """
+    place = _field(held, _DISTORTION, ending)
+    endings = _matrices(held)
+    for name, value in held.items() if place is None else ():
+        plain = _plain(name)
+        if plain in _DISTORTION or (plain.startswith("dist") and isinstance(value, Mapping | list)):
+            match = _SUFFIX.fullmatch(plain)
+            if not (match and match[1] in _DISTORTION and match[2] in endings):
+                legal = ", ".join(
+                    f"{known}{ending}" for known in ("distortion_coefficients", "distCoeffs", "D")
+                )
+                raise file.error(f"not known as this camera's distortion; legal: {legal}", *root, name)
+    return place
 
 
 def _size(file: CalibrationFile, held: Mapping[str, Any], root: FieldPath) -> dict[str, int]:

@@ -60,7 +60,7 @@ def read(file: CalibrationFile, name: str) -> CentralModel:
         )
     fx, fy, cx, cy = file.coefficients(*at, "intrinsics", legal=(4,))
     given: dict[str, Any] = {"fx": fx, "fy": fy, "cx": cx, "cy": cy, **size}
-    distorted = isinstance(file.value(*at).get("distortion"), Mapping)
+    distorted = file.value(*at).get("distortion") is not None
     distortion = file.word(_DISTORTIONS, *at, "distortion", "type") if distorted else "none"
     if distortion == "none":
         return file.build(Pinhole, *at, **given)

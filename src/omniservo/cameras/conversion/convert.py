@@ -22,6 +22,9 @@ from omniservo.geometry.arrays import finite_number
 NOTICED_PX = 1e-3
 """A conversion that leaves less is the camera itself."""
 
+MISSED = 1e-3
+"""Share of the largest residual that the grids of `measured` may miss; up to 4e-4 were seen."""
+
 _WORTH_A_HINT = 1.0
 """[px]"""
 
@@ -33,7 +36,7 @@ class Conversion:
     """A unified camera that stands for another model."""
 
     camera: UnifiedCamera
-    """With the largest residual added to the model's ``deviation_px``."""
+    """With the largest residual added to the model's ``deviation_px``, rounded up by `MISSED`."""
     residual: Residual
     warnings: tuple[str, ...]
     """What a person must know about both cameras' domains."""
@@ -115,11 +118,10 @@ def convert(
 def standing_for(model: CentralModel, camera: CentralModel, residual: Residual) -> CentralModel:
     """Return ``camera`` with what it leaves of ``model`` added to the model's own deviation, rounded up.
 
-    To the model's error the rms residual is added in quadrature.
+    By `MISSED`, since the largest residual is the largest of a grid. To the model's error the rms residual is
+    added in quadrature.
     """
-    total = model.deviation_px + residual.largest_px
-    if 0.0 not in (model.deviation_px, residual.largest_px):
-        total = math.nextafter(total, math.inf)
+    total = model.deviation_px + residual.largest_px * (1.0 + MISSED)
     stated = model.model_error
     if residual.rms_px > NOTICED_PX:
         stated = (stated or usual_model_error(0.0, model.width, model.height)).with_residual(residual.rms_px)

@@ -21,6 +21,8 @@ _GRID = 25
 _KEPT_STARTS = 2
 _ITERATIONS = 25
 _STEP = 1e-4
+_LEAST_PART = 1e-3
+"""of the largest number of the axis's ∂pixel/∂(X, Y), that each one of its diagonal is at least"""
 _FARTHEST = math.radians(150.0)
 """rays beyond are left out of the fit, though not of its residual: no formula but an angle's reaches them"""
 
@@ -42,7 +44,7 @@ def field_of(model: CentralModel) -> Field:
     """Return the field that ``model`` uses.
 
     Raises:
-        InputError: next to nothing of its image is valid.
+        InputError: next to nothing of its image is valid, or it is turned about the axis.
     """
     pixels = used_pixels(model, _GRID)
     rays = model.unproject(pixels)[0] if len(pixels) else np.zeros((0, 3))
@@ -53,6 +55,8 @@ def field_of(model: CentralModel) -> Field:
     p = model.project(axis)[0]
     local = np.column_stack([p[1] - p[2], p[3] - p[4]]) / (2.0 * _STEP)
     local[1, 0] = 0.0
+    if min(abs(local[0, 0]), abs(local[1, 1])) < _LEAST_PART * np.abs(local).max():
+        raise InputError("camera: its image is turned about the axis; legal: u grows with x alone, v with y")
     if abs(local[0, 1]) < 1e-6 * abs(local[0, 0]):
         local[0, 1] = 0.0
     return Field(pixels[near], rays[near], local, p[0], _is_symmetric(model))

@@ -85,10 +85,10 @@ class UnifiedImage:
 
 
 def unified_image(camera: CentralModel) -> UnifiedImage:
-    """Return the image of the unified camera nearest to one of any model, in which all of its field is seen.
+    """Return the image of the unified camera nearest to one of any model, in which its field is seen.
 
-    Where the nearest loses a part of the field, it is a parabolic one, which sees all but what is straight
-    behind.
+    A rim thinner than a hundredth of the image may be lost. Where the nearest loses more of the field, it is
+    a parabolic one, which sees all but what is straight behind.
     """
     return UnifiedImage(camera, camera) if isinstance(camera, UnifiedCamera) else _image_of(camera)
 
@@ -119,5 +119,6 @@ def _with_error_of(own: CentralModel, camera: UnifiedCamera) -> UnifiedCamera:
 def _parabolic(camera: CentralModel) -> UnifiedCamera:
     """Return the parabolic camera that agrees with another on the axis."""
     (cx, cy), slopes, _ = camera.project_jacobian([0.0, 0.0, 1.0])
-    fx, fy = 2.0 * slopes[0, 0], 2.0 * slopes[1, 1]
+    lengths = np.linalg.norm(slopes[:, :2], axis=0)  # not the diagonal, which is 0 where the image is turned
+    fx, fy = 2.0 * np.copysign(lengths, np.diag(slopes))
     return UnifiedCamera(fx, fy, cx, cy, 1.0, camera.width, camera.height)

@@ -23,7 +23,7 @@ class DoubleSphere(FocalModel):
     with the same ξ and focal lengths.
 
     **Domain.** Seen from the shifted centre the angle φ = atan2(‖(X, Y)‖, Z′) is below acos(−w) with
-    w = α/(1−α) for α ≤ ½ and (1−α)/α above; that is Z > −(w + ξ)/√(2wξ + ξ² + 1) ρ. For ξ > 1 φ itself
+    w = α/(1−α) for α ≤ ½ and (1−α)/α above; that is Z > −(w + ξ)/√(2wξ + ξ² + 1) ρ. For ξ ≥ 1 φ itself
     grows only while Z > −ρ/ξ. Narrowed to ``max_angle``.
 
     Args:
@@ -58,11 +58,11 @@ class DoubleSphere(FocalModel):
         own = np.array([alpha, xi])
         w = alpha / (1.0 - alpha) if alpha <= 0.5 else (1.0 - alpha) / alpha
         end = math.acos(-w)
-        folds = xi > 1.0 and (end >= math.pi / 2 or math.sin(end) >= 1.0 / xi)
+        folds = xi >= 1.0
         angle = math.acos(-1.0 / xi) if folds else end + math.asin(max(-1.0, min(1.0, xi * math.sin(end))))
         if most >= angle and not folds:
             return Domain(angle, math.inf if alpha <= 0.5 else 1.0 / math.sqrt(2.0 * alpha - 1.0), own)
         angle = min(most, angle)
         shifted = math.cos(angle) + xi
-        d = math.hypot(math.sin(angle), shifted)
-        return Domain(angle, math.sin(angle) / (alpha * d + (1.0 - alpha) * shifted), own)
+        below = alpha * math.hypot(math.sin(angle), shifted) + (1.0 - alpha) * shifted
+        return Domain(angle, math.sin(angle) / below if below > 0.0 else math.inf, own)  # 0 by rounding

@@ -61,5 +61,7 @@ class ExtendedUnified(FocalModel):
                 angle, math.inf if alpha <= 0.5 else 1.0 / math.sqrt(beta * (2.0 * alpha - 1.0)), own
             )
         sine, cosine = math.sin(most), math.cos(most)
-        d = math.sqrt(beta * sine * sine + cosine * cosine)
-        return Domain(most, sine / (alpha * d + (1.0 - alpha) * cosine), own)
+        below = alpha * math.sqrt(beta * sine * sine + cosine * cosine) + (1.0 - alpha) * cosine
+        return Domain(
+            most, sine / below if below > 0.0 else math.inf, own
+        )  # 0 by rounding, at the model's end

@@ -129,11 +129,10 @@ class LensModel(KernelCamera, ABC):
             10⁻⁵ rad of the domain's border.
         """
         pixels, valid = self.project(points)
-        centre = np.asarray(points, dtype=np.float64)
+        centre = np.where(valid[..., None], np.asarray(points, dtype=np.float64), np.nan)
         step = _POINT_STEP * np.linalg.norm(centre, axis=-1)[..., None, None]
         ahead, behind = (self.project(centre[..., None, :] + s * step * np.eye(3))[0] for s in (1.0, -1.0))
-        with np.errstate(all="ignore"):  # a point at the origin has no step
-            slopes = np.swapaxes((ahead - behind) / (2.0 * step), -1, -2)
+        slopes = np.swapaxes((ahead - behind) / (2.0 * step), -1, -2)
         return _where_known(pixels, slopes, valid)
 
     def unproject_jacobian(self, pixels: npt.ArrayLike) -> tuple[FloatArray, FloatArray, BoolArray]:
@@ -144,7 +143,7 @@ class LensModel(KernelCamera, ABC):
             the domain's border.
         """
         bearings, valid = self.unproject(pixels)
-        centre = np.asarray(pixels, dtype=np.float64)[..., None, :]
+        centre = np.where(valid[..., None], np.asarray(pixels, dtype=np.float64), np.nan)[..., None, :]
         ahead, behind = (self.unproject(centre + s * _PIXEL_STEP * np.eye(2))[0] for s in (1.0, -1.0))
         slopes = np.swapaxes((ahead - behind) / (2.0 * _PIXEL_STEP), -1, -2)
         return _where_known(bearings, slopes, valid)

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from omniservo.cameras.distortion import positive_roots
 from omniservo.geometry.arrays import FloatArray
 
 _HALVINGS = 60
@@ -15,13 +16,9 @@ _HALVINGS = 60
 def first_positive_root(coefficients: Sequence[float]) -> float:
     """Return the smallest real root x > 0 of Σ coefficients[i] xⁱ, or ∞; coefficients[0] > 0.
 
-    Found as 1/t, because the highest coefficients may vanish. A nearly double root counts as real, which
-    errs to the safe side.
+    As `positive_roots` has them.
     """
-    t = np.roots([0.0 if abs(c) < 1e-100 else c for c in coefficients])
-    return min(
-        (1.0 / float(x.real) for x in t if x.real > 1e-12 and abs(x.imag) <= 1e-7 * abs(x)), default=math.inf
-    )
+    return min(positive_roots(coefficients), default=math.inf)
 
 
 def inverse_table(function: Callable[[FloatArray], FloatArray], end: float, steps: int) -> FloatArray:
