@@ -7,7 +7,6 @@ of them in the initial camera frame.
 
 from __future__ import annotations
 
-from itertools import product
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
@@ -22,7 +21,6 @@ from pydantic import (
 )
 from scipy.spatial.transform import RigidTransform
 
-from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.covariances import is_covariance
 from omniservo.planning import Workspace
 from omniservo.renamed import renamed_attribute
@@ -165,34 +163,27 @@ class Scale(Section):
         return self
 
 
-class WorkspaceSection(Section):
-    """A box that the camera centre must not leave, in the initial camera frame."""
+class WorkspaceSection(Pose):
+    """A box that the camera centre must not leave; how its axes stand in the initial camera frame."""
 
     min: Point
     max: Point
-    _here_T_box: RigidTransform = PrivateAttr(default_factory=RigidTransform.identity)
 
     def transformed(self, a_T_b: RigidTransform) -> WorkspaceSection:
-        """Return the same, stated in frame b, in frame a, along whose axes it need not lie."""
-        there = self.model_copy()
-        there._here_T_box = a_T_b * self._here_T_box
-        return there
-
-    @property
-    def here_T_box(self) -> RigidTransform:
-        """The frame along whose axes ``min`` and ``max`` are."""
-        return self._here_T_box
+        """Return the same, stated in frame b, in frame a."""
+        pose = a_T_b * self.transform
+        return self.model_copy(
+            update={
+                "translation": tuple(pose.translation.tolist()),
+                "quaternion": tuple(pose.rotation.as_quat().tolist()),
+                "rotation_vector": None,
+            }
+        )
 
     @property
     def workspace(self) -> Workspace:
         """The planner's."""
-        return seen_workspace(Workspace(np.array(self.min), np.array(self.max)), self._here_T_box)
-
-    @property
-    def bounds(self) -> FloatArray:
-        """(2, 3) lowest and highest of the box's corners [m]."""
-        corners = self._here_T_box.apply(np.array(list(product(*zip(self.min, self.max, strict=True)))))
-        return np.array([corners.min(axis=0), corners.max(axis=0)])
+        return seen_workspace(Workspace(np.array(self.min), np.array(self.max)), self.transform)
 
     @model_validator(mode="after")
     def _ordered(self) -> WorkspaceSection:
