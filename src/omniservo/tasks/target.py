@@ -14,7 +14,7 @@ from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray
 from omniservo.tag_dictionaries import dictionary_name, dictionary_size
 from omniservo.tasks.placed import Block, Framed, Placed
-from omniservo.tasks.quantities import Direction, Point, PositiveLength
+from omniservo.tasks.quantities import A_NUMBER, Direction, Point, PositiveLength
 from omniservo.tasks.section import Section
 
 MOST_FACES = 64
@@ -46,7 +46,7 @@ class TagSection(Placed):
     Without a rotation it stands upright and faces the initial camera.
     """
 
-    id: Annotated[int, Field(ge=0)]
+    id: Annotated[int, Field(ge=0), A_NUMBER]
     """number in the dictionary"""
     edge: PositiveLength
     """side of the square whose corners count, as of `targets.Tag` [m]"""
@@ -83,7 +83,7 @@ class TexturedFace(Placed):
 
     kind: Literal["stones", "poster", "crate"]
     """what surface"""
-    seed: Annotated[int, Field(ge=0)] = 0
+    seed: Annotated[int, Field(ge=0), A_NUMBER] = 0
     """which one of its kind"""
     size: tuple[PositiveLength, PositiveLength]
     """width along x, height along y [m]"""
