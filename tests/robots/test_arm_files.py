@@ -250,6 +250,12 @@ def test_mjcf_includes_inside_the_folder_are_read(tmp_path):
     np.testing.assert_allclose(arm.joint_speed, np.deg2rad([90] * 6))
 
 
+def test_what_is_wrong_in_an_included_file_names_that_file_and_its_line(tmp_path):
+    (tmp_path / "part.xml").write_text('<mujocoinclude>\n\n<numeric name="a" data="1 nan"/></mujocoinclude>')
+    with pytest.raises(InputError, match=r"part.xml: line 3: numeric 'a': data: 'nan' given"):
+        read(tmp_path, mjcf(extra='<custom><include file="part.xml"/></custom>'), "arm.xml")
+
+
 def test_mjcf_scenes_beside_the_arm_s_folder_include_it(tmp_path):
     (tmp_path / "arm").mkdir()
     (tmp_path / "arm" / "arm.xml").write_text(mjcf())
@@ -338,6 +344,13 @@ def test_more_whole_turns_than_branches_can_be_held_are_refused(tmp_path):
         read(tmp_path, wide, "arm.xml")
     narrow = read(tmp_path, wide.replace("5000", "720"), "arm.xml")
     assert narrow.joint_range.max() == pytest.approx(4 * np.pi)
+
+
+def test_what_mujoco_warns_of_in_a_file_is_neither_printed_nor_logged(tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)
+    read(tmp_path, mjcf().replace('size="0.03 0.03"', 'size="0.2 0.2" solref="-1 0.5"'), "arm.xml")
+    assert [path.name for path in tmp_path.iterdir()] == ["arm.xml"]
+    assert capfd.readouterr().err == ""
 
 
 BAD_URDF = {

@@ -9,6 +9,7 @@ import pytest
 from changed_task import shipped, written
 from PIL import Image
 
+from omniservo.cameras import preset
 from omniservo.cli.main import main
 from omniservo.errors import InputError, NoSolutionError
 from omniservo.runs import run_task, teach_goal
@@ -157,6 +158,13 @@ def test_a_goal_taught_with_another_camera_is_refused():
     goal = taught(load_task("paper-example-1"))
     with pytest.raises(InputError, match="taught with another camera"):
         run_task(load_task("paper-example-1", camera="perspective"), SimulatedCell, goal=goal)
+
+
+def test_a_goal_taught_with_an_arm_of_other_joints_is_refused():
+    goal = TaughtGoal(preset("fe185"), np.zeros((494, 659), np.uint8), np.zeros((9, 2)), np.zeros(7))
+    task = load_task("paper-example-1")
+    with pytest.raises(InputError, match="taught with 7 joints; the task's arm has 6; teach it again"):
+        run_task(task, SimulatedCell, goal=replace(goal, camera=task.camera))
 
 
 def test_a_goal_picture_of_another_target_is_not_matched(tmp_path, document):

@@ -263,8 +263,8 @@ class Arm:
         and 4 parallel, as the arms of Universal Robots) these are all branches: full turns of a joint count
         as branches of their own where its range allows them; where axes 4 and 6 are parallel (sin q5 = 0) one
         representative with the first q4, the second q6 as near to 0 as its range allows is given; where the
-        wrist's centre is on axis 1, q1 is 0, or π. For other arms they are what a
-        seeded numeric search finds, which may miss some; of seven joints they are samples of families.
+        wrist's centre is on axis 1, q1 is 0, or π. For other arms they are what a seeded numeric search
+        finds, which may miss some; of seven joints they are samples of families.
 
         Raises:
             InputError: not one finite pose, out of reach, or reached by no branch within the limits.
@@ -282,9 +282,8 @@ class Arm:
 
         With a closed form: the branch of `inverse` whose largest joint motion from ``q`` is smallest; where
         axes 4 and 6 are parallel joint 4 (RX60) or joint 6 (Universal Robots) stays where it is, or at the
-        end of its range. For other
-        arms: where a descent from ``q`` leads (least joint motion); only if that fails, the nearest of
-        `inverse`.
+        end of its range. For other arms: where a descent from ``q`` leads (least joint motion); only if that
+        fails, the nearest of `inverse`.
 
         Raises:
             InputError: not one finite pose, or out of reach; or ``q`` has a wrong shape, NaN or infinity.

@@ -222,6 +222,12 @@ def _goal(
             return teach_goal(task, cell)
     if goal.camera != task.camera:
         raise InputError(f"{task.name}: the goal was taught with another camera; teach it again")
+    known = len(task.start.joints_near)
+    if goal.joints is not None and len(goal.joints) != known:
+        raise InputError(
+            f"{task.name}: the goal was taught with {len(goal.joints)} joints; the task's arm has {known}; "
+            "teach it again"
+        )
     if goal.target is not None and (why := task.target.unlike(goal.target)):
         raise InputError(f"{task.name}: the goal was taught of another target: {why}; teach it again")
     return goal

@@ -23,8 +23,6 @@ MOST_FACES = 64
 _ALIKE = 1e-3
 """[m] to which distances on targets are alike: what is measured again differs by so much"""
 
-_CORNERS = np.array([[-0.5, -0.5, 0.0], [0.5, -0.5, 0.0], [0.5, 0.5, 0.0], [-0.5, 0.5, 0.0]])
-
 
 class Dot(Section):
     """One dark dot of the target."""
@@ -136,13 +134,13 @@ class TargetSection(Framed):
 
     @property
     def _distances(self) -> FloatArray:
-        """Of dots and their radius, or of the faces' corners, each from each [m]."""
+        """Of dots and their radius, or of three points of every face, each from each [m]."""
         if self.dots:
             return np.append(pdist([dot.center for dot in self.dots]), self.dot_radius or 0.0)
-        corners = [face.transform.apply(_CORNERS * (*face.size, 0.0)) for face in self.textures]
+        points = [face.transform.apply(np.diag([*face.size, 0.0])) for face in self.textures]
         if self.tags is not None:
-            corners = [tag.transform.apply(_CORNERS * tag.edge) for tag in self.tags.panels]
-        return pdist(np.concatenate(corners))
+            points = [tag.transform.apply(np.diag([tag.edge, tag.edge, 0.0])) for tag in self.tags.panels]
+        return pdist(np.concatenate(points))
 
     @property
     def known(self) -> targets.Target | None:

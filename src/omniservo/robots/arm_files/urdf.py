@@ -62,7 +62,7 @@ class _Urdf:
         self._root = root
         self._flange = flange
         self._file = file
-        self._fields = XmlFields(file)
+        self._fields = XmlFields()
         self._meshes = MeshAssets(file, packages)
         self._undrawn: dict[str, str] = {}
         """why a mesh that is only for the eye is left out, by its name"""
