@@ -1,5 +1,7 @@
 """COLLADA documents: what their scenes show, in metres."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
@@ -93,3 +95,31 @@ def test_what_is_shown_again_and_again_is_bounded(tmp_path):
     many = f'<triangles><input semantic="VERTEX" source="#v" offset="0"/><p>{corners}</p></triangles>'
     with pytest.raises(InputError, match="more than 2000000 triangles"):
         read(tmp_path, document(many, node='<instance_geometry url="#g"/>' * 20))
+
+
+def peak_of(folder, text):
+    """Return the most memory that reading took [bytes]."""
+    tracemalloc.start()
+    try:
+        with pytest.raises(InputError):
+            read(folder, text)
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.parametrize("counts", ["4 30000000", "4 4", "7 9223372036854775807"])
+def test_a_polygon_of_more_corners_than_there_are_takes_no_memory(tmp_path, counts):
+    assert peak_of(tmp_path, document(POLYGONS.replace("4 3", counts))) < 2**25
+
+
+def test_points_that_no_triangle_has_take_no_memory_for_each_part_of_a_mesh(tmp_path):
+    points = "0 0 0 " * 20_000
+    many = document(TRIANGLES * 200, node='<instance_geometry url="#g"/>' * 20)
+    many = many.replace("0 0 5<", f"0 0 5 {points}<")
+    tracemalloc.start()
+    triangles = read(tmp_path, many)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert len(triangles) == 2 * 200 * 20
+    assert peak < 2**25

@@ -156,3 +156,51 @@ def test_room_to_the_limits_is_that_of_as_many_joints_as_the_arm_has(arm, shape)
     assert arm.limit_margins(np.zeros((4, 0, 6))).shape == (4, 0, 6)
     with pytest.raises(InputError, match="q"):
         arm.limit_margins(np.zeros(shape))
+
+
+def test_every_branch_at_the_end_of_a_range_is_found(arm):
+    random = np.random.default_rng(0)
+    for joint, end in np.ndindex(6, 2):
+        for q in random.uniform(*(0.95 * arm.joint_range.T), (5, 6)):
+            q[joint] = arm.joint_range[joint, end]
+            found = arm.inverse(arm.base_T_flange(q))
+            assert np.abs(found - q).max(axis=1).min() < 1e-6
+            assert arm.limit_margins(found).min() >= 0.0
+
+
+def test_a_straight_elbow_is_one_branch_and_not_two(arm):
+    found = arm.inverse(arm.base_T_flange([0.1, 0.2, 0.0, 0.4, 0.5, 0.6]))
+    assert len(np.unique(found.round(6), axis=0)) == len(found)
+
+
+def stacked(tmp_path, lengths, q4="-3 3"):
+    """An arm with axes z y y z y z, from the base: height, upper arm, forearm [m]."""
+    axes, ranges = "zyyzyz", ["-3 3"] * 3 + [q4] + ["-3 3"] * 2
+    places = [0.0, *lengths[:2], 0.0, lengths[2], 0.0]
+    vector = {"z": "0 0 1", "y": "0 1 0"}
+    bodies = "".join(
+        f'<body pos="0 0 {z}"><joint axis="{vector[a]}" range="{r}"/><geom size="0.01"/>'
+        for z, a, r in zip(places, axes, ranges, strict=True)
+    )
+    path = tmp_path / "stacked.xml"
+    path.write_text(
+        '<mujoco><compiler angle="radian" autolimits="true"/><worldbody>'
+        f'{bodies}<site name="flange" pos="0 0 0.1"/>{"</body>" * 6}</worldbody></mujoco>'
+    )
+    return Arm(path)
+
+
+@pytest.mark.parametrize("lengths", [(0.3, 0.0, 0.3), (0.3, 0.3, 0.0)])
+def test_an_arm_without_an_upper_arm_or_forearm_is_searched(tmp_path, lengths):
+    arm = stacked(tmp_path, lengths)
+    pose = arm.base_T_flange([0.2, 0.3, 0.4, 0.5, 0.6, 0.7])
+    assert not arm.has_closed_form
+    for q in arm.inverse(pose)[:3]:
+        np.testing.assert_allclose(arm.base_T_flange(q).as_matrix(), pose.as_matrix(), atol=1e-9)
+
+
+def test_where_axes_4_and_6_are_one_a_representative_is_taken_from_the_range(tmp_path):
+    arm = stacked(tmp_path, (0.3, 0.3, 0.3), "0.5 2")
+    q = np.array([0.1, 0.2, 0.3, 1.0, 0.0, 0.6])
+    assert np.abs(arm.inverse(arm.base_T_flange(q)) - [0.1, 0.2, 0.3, 0.5, 0.0, 1.1]).max(axis=1).min() < 1e-9
+    assert arm.inverse_near(arm.base_T_flange(q), q) == pytest.approx(q, abs=1e-9)

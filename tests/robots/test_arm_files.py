@@ -250,6 +250,12 @@ def test_mjcf_includes_inside_the_folder_are_read(tmp_path):
     np.testing.assert_allclose(arm.joint_speed, np.deg2rad([90] * 6))
 
 
+def test_what_is_wrong_in_an_included_file_names_that_file_and_its_line(tmp_path):
+    (tmp_path / "part.xml").write_text('<mujocoinclude>\n\n<numeric name="a" data="1 nan"/></mujocoinclude>')
+    with pytest.raises(InputError, match=r"part.xml: line 3: numeric 'a': data: 'nan' given"):
+        read(tmp_path, mjcf(extra='<custom><include file="part.xml"/></custom>'), "arm.xml")
+
+
 def test_mjcf_scenes_beside_the_arm_s_folder_include_it(tmp_path):
     (tmp_path / "arm").mkdir()
     (tmp_path / "arm" / "arm.xml").write_text(mjcf())
@@ -299,6 +305,53 @@ LIMIT = '<limit lower="-2.9" upper="2.9" velocity="2.0" effort="120"/>'
 SECOND = (
     '<link name="odd"/><joint name="side" type="{}"><parent link="pan_link"/><child link="odd"/>{}</joint>'
 )
+
+
+def soft(low, high):
+    """The text of an arm whose pan, −2.9 … 2.9 rad, has soft limits."""
+    stated = f'<safety_controller k_velocity="10" {low} {high}/>'
+    return urdf().replace('<child link="pan_link"/>', f'<child link="pan_link"/>{stated}')
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "wanted"),
+    [
+        ('soft_lower_limit="-1.5"', 'soft_upper_limit="2.5"', (-1.5, 2.5)),
+        ('soft_lower_limit="-3.1"', 'soft_upper_limit="2.5"', (-2.9, 2.5)),
+        ('soft_lower_limit="-3.1"', 'soft_upper_limit="3.1"', (-2.9, 2.9)),
+        ("", 'soft_upper_limit="2.5"', (-2.9, 2.5)),
+        ("", "", (-2.9, 2.9)),
+    ],
+)
+def test_the_soft_limits_of_a_urdf_narrow_its_ranges(tmp_path, low, high, wanted):
+    arm = read(tmp_path, soft(low, high))
+    np.testing.assert_array_equal(arm.joint_range[0], wanted)
+    np.testing.assert_array_equal(arm.joint_range[1:], [row[4:6] for row in SIX[1:]])
+    narrowed = [notice for notice in arm.notices if "<safety_controller>: pan" in notice]
+    assert bool(narrowed) == (wanted != (-2.9, 2.9))
+
+
+@pytest.mark.parametrize(("low", "high"), [(0, 0), (1, -1), (3, 4), ("x", 1)])
+def test_soft_limits_that_leave_nothing_of_a_range_are_refused(tmp_path, low, high):
+    text = soft(f'soft_lower_limit="{low}"', f'soft_upper_limit="{high}"')
+    with pytest.raises(InputError, match="line .*joint 'pan': safety_controller: .*soft_lower_limit.*legal"):
+        read(tmp_path, text)
+
+
+def test_more_whole_turns_than_branches_can_be_held_are_refused(tmp_path):
+    wide = mjcf().replace('range="-120 120"', 'range="-5000 5000"')
+    with pytest.raises(InputError, match="ranges hold one posture in .* ways, by whole turns; legal: 78125"):
+        read(tmp_path, wide, "arm.xml")
+    narrow = read(tmp_path, wide.replace("5000", "720"), "arm.xml")
+    assert narrow.joint_range.max() == pytest.approx(4 * np.pi)
+
+
+def test_what_mujoco_warns_of_in_a_file_is_neither_printed_nor_logged(tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)
+    read(tmp_path, mjcf().replace('size="0.03 0.03"', 'size="0.2 0.2" solref="-1 0.5"'), "arm.xml")
+    assert [path.name for path in tmp_path.iterdir()] == ["arm.xml"]
+    assert capfd.readouterr().err == ""
+
 
 BAD_URDF = {
     "bomb": (lambda text: text.replace("<robot", BOMB + "<robot", 1), "line 2: document types"),

@@ -30,6 +30,25 @@ UR10E = (
     ),
 )
 
+# Links stand upon each other without any offset: the wrist can be brought over the first axis.
+STACKED = tuple(
+    (name, (0, 0, 0.2), (0, 0, 0), axis, -3.0, 3.0, 2.0, 100)
+    for name, axis in zip("abcdef", np.eye(3, dtype=int)[[2, 1, 1, 1, 2, 1]].tolist(), strict=True)
+)
+
+
+def test_a_wrist_over_the_first_axis_is_reached_though_any_turn_of_it_does(tmp_path):
+    path = tmp_path / "stacked.urdf"
+    path.write_text(urdf(STACKED))
+    arm = Arm(path)
+    pose = arm.base_T_flange([0.4, 0.5, -1.0, 0.5, 0.3, 0.2])
+    found = arm.inverse(pose)
+    assert arm.has_closed_form
+    assert len(found) >= 2
+    for q in found:
+        assert q[0] == 0.0
+        np.testing.assert_allclose(arm.base_T_flange(q).as_matrix(), pose.as_matrix(), atol=1e-12)
+
 
 @pytest.fixture(scope="module", params=["shipped ur5e", "urdf of a ur10e"])
 def parallel(request, tmp_path_factory):

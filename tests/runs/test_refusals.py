@@ -2,12 +2,14 @@
 
 import copy
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from changed_task import shipped, written
 from PIL import Image
 
+from omniservo.cameras import preset
 from omniservo.cli.main import main
 from omniservo.errors import InputError, NoSolutionError
 from omniservo.runs import run_task, teach_goal
@@ -148,7 +150,7 @@ def test_a_goal_file_without_dots_is_refused():
     task = load_task("paper-example-1")
     empty = np.full((task.camera.height, task.camera.width), 180, dtype=np.uint8)
     goal = TaughtGoal(task.camera, empty, np.zeros((0, 2)), None)
-    with pytest.raises(InputError, match="the goal image: 0 dots found; at least 8"):
+    with pytest.raises(InputError, match="the goal image: 0 dots found; at least 8 .*state target.tags"):
         run_task(task, SimulatedCell, goal=goal)
 
 
@@ -156,6 +158,13 @@ def test_a_goal_taught_with_another_camera_is_refused():
     goal = taught(load_task("paper-example-1"))
     with pytest.raises(InputError, match="taught with another camera"):
         run_task(load_task("paper-example-1", camera="perspective"), SimulatedCell, goal=goal)
+
+
+def test_a_goal_taught_with_an_arm_of_other_joints_is_refused():
+    goal = TaughtGoal(preset("fe185"), np.zeros((494, 659), np.uint8), np.zeros((9, 2)), np.zeros(7))
+    task = load_task("paper-example-1")
+    with pytest.raises(InputError, match="taught with 7 joints; the task's arm has 6; teach it again"):
+        run_task(task, SimulatedCell, goal=replace(goal, camera=task.camera))
 
 
 def test_a_goal_picture_of_another_target_is_not_matched(tmp_path, document):
@@ -166,8 +175,10 @@ def test_a_goal_picture_of_another_target_is_not_matched(tmp_path, document):
     document["target"]["dot_radius"] = 6
     document["target"]["boards"] = [{"center": [0, -80, 550], "half_extents": [900, 700, 10]}]
     goal = taught(load_task(written(tmp_path, document)))
-    with pytest.raises(NoSolutionError, match="cannot be matched"):
+    with pytest.raises(InputError, match=r"taught of another target: distances .*; teach it again"):
         run_task(load_task("paper-example-1"), SimulatedCell, goal=goal)
+    with pytest.raises(NoSolutionError, match="cannot be matched"):
+        run_task(load_task("paper-example-1"), SimulatedCell, goal=replace(goal, target=None))
 
 
 def test_a_start_out_of_reach_names_its_field(capsys, tmp_path, document):

@@ -280,7 +280,7 @@ def test_an_arm_that_takes_no_commands_any_more_ends_the_trial_by_that_name():
 
 def box_round(joints, room):
     centre = (ARM.base_T_flange(joints) * MOUNT).translation
-    return np.array([centre - room, centre + room])
+    return WorkspaceSection(min=tuple((centre - room).tolist()), max=tuple((centre + room).tolist()))
 
 
 @pytest.mark.parametrize(
@@ -319,10 +319,7 @@ def test_a_joint_that_answers_wrongly_makes_the_robot_unfit_and_no_silence_is_tr
 
 def test_the_workspace_of_the_robot_file_is_kept(monkeypatch):
     monkeypatch.setattr(robot_check, "SECONDS", 1.2)
-    low, high = box_round(START, 0.004)
-    robot = ROBOT.model_copy(
-        update={"workspace": WorkspaceSection(min=tuple(low.tolist()), max=tuple(high.tolist()))}
-    )
+    robot = ROBOT.model_copy(update={"workspace": box_round(START, 0.004)})
     found = check_robot(robot, ARM, WallClockArm(START), Frames(), refused)
     assert "the camera's centre would leave the workspace" in found.findings[0]
 

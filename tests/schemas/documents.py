@@ -84,7 +84,8 @@ def full_documents():
     assert found.status == "ok"
     pose = {"translation": [0.0, 0.0, 0.1], "quaternion": UPRIGHT}
     tag = Tag("tag36h11", 3, 0.04, RigidTransform.identity())
-    goal = TaughtGoal(fe185, np.zeros((fe185.height, fe185.width), np.uint8), np.ones((3, 2)), np.zeros(6))
+    image, target = np.zeros((fe185.height, fe185.width), np.uint8), load_task("ur5e-table").target
+    goal = TaughtGoal(fe185, image, np.ones((3, 2)), np.zeros(6), target)
     mount = {"model": "ur5e", "packages": {}, "flange_T_camera": {"translation": [0.0, 0.0, 0.1]}}
     robot = block("real-robot.md", "format: omniservo.robot/1")
     tube = ROOT / "src/omniservo/robots/shipped/rx60.tube.json"

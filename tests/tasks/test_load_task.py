@@ -418,10 +418,15 @@ def test_another_camera_replaces_the_tasks(tmp_path):
     assert load_task("paper-example-1", camera="perspective").camera == preset("perspective")
 
 
+TAG_BOARD = load_task("tag-board").target
+
+
 def goal():
     camera = preset("fe185")
     image = np.arange(camera.width * camera.height, dtype=np.uint8).reshape(camera.height, camera.width)
-    return TaughtGoal(camera, image, np.array([[10.25, 20.5], [30.0, 40.125]]), np.linspace(0, 1, 6))
+    return TaughtGoal(
+        camera, image, np.array([[10.25, 20.5], [30.0, 40.125]]), np.linspace(0, 1, 6), TAG_BOARD
+    )
 
 
 def test_a_taught_goal_survives_its_file(tmp_path):
@@ -431,6 +436,33 @@ def test_a_taught_goal_survives_its_file(tmp_path):
     np.testing.assert_array_equal(back.image, goal().image)
     np.testing.assert_array_equal(back.features, goal().features)
     np.testing.assert_array_equal(back.joints, goal().joints)
+    assert back.target == goal().target
+
+
+def test_a_goal_that_does_not_say_what_it_was_taught_of_is_read():
+    fields = goal().to_dict()
+    del fields["target"]
+    assert TaughtGoal.from_dict(fields).target is None
+
+
+@pytest.mark.parametrize("name", ["paper-example-1", "tag-board", "textured-object"])
+def test_a_target_is_like_itself_wherever_it_stands_and_unlike_what_shows_other_features(name):
+    there = RigidTransform.from_components([1.0, 2.0, 3.0], Rotation.from_rotvec([0.5, 1.0, -2.0]))
+    target = load_task(name).target
+    assert target.unlike(target.transformed(there)) == ""
+    for other in ("paper-example-2", "panda-table", "textured-object"):
+        other_target = load_task(other).target
+        assert bool(target.unlike(other_target)) == (name != other)
+
+
+def test_targets_of_as_many_features_differ_by_their_distances():
+    target = load_task("paper-example-1").target
+    first, *rest = target.dots
+    moved = first.transformed(RigidTransform.from_translation([0.0, 0.004, 0.0]))
+    near = first.transformed(RigidTransform.from_translation([0.0, 0.0004, 0.0]))
+    assert "differ by" in target.unlike(target.model_copy(update={"dots": (moved, *rest)}))
+    assert target.unlike(target.model_copy(update={"dots": (near, *rest)})) == ""
+    assert "dots, not" in target.unlike(target.model_copy(update={"dots": tuple(rest)}))
 
 
 def test_a_goal_of_the_first_format_is_read(tmp_path):
@@ -461,6 +493,8 @@ def test_a_goal_whose_image_says_that_it_is_huge_is_refused(tmp_path):
         ("omniservo.goal/2", "omniservo.goal/7", "legal: 'omniservo.goal/2'"),
         ('"features"', '"points"', "points: no such field; legal: format, camera, image_png, features"),
         ("10.25", "NaN", "features"),
+        ('"dictionary": "', '"dictionary": "x', "target.tags.dictionary: "),
+        ('"target": {', '"target": {"colour": 3, ', "target.colour: no such field; legal: frame"),
         ('"image_png": "', '"image_png": "AAAA', "not a PNG"),
         ('"width": 659', '"width": 660', "659"),
     ],

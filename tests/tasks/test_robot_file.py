@@ -55,7 +55,7 @@ def test_lengths_and_angles_are_in_the_units_that_the_file_states(tmp_path):
     )
     assert robot.arm.flange_T_camera.transform.translation == pytest.approx([0.0, 0.05, 0.03])
     assert robot.arm.flange_T_camera.transform.rotation.magnitude() == pytest.approx(np.pi / 2)
-    assert robot.workspace.bounds[1] == pytest.approx([0.5, 0.5, 0.9])
+    assert robot.workspace.max == pytest.approx([0.5, 0.5, 0.9])
 
 
 @pytest.mark.parametrize(

@@ -106,13 +106,16 @@ def _triangles(geometry: Element) -> tuple[FloatArray, IntArray]:
         stride = 1 + max(int(given.get("offset", "0")) for given in faces.iterfind("input"))
         points = places[_target(inputs["VERTEX"], "source")]
         corners = _integers(faces, "p").reshape(-1, stride)[:, int(inputs["VERTEX"].get("offset", "0"))]
-        cut = _fans(_integers(faces, "vcount")) if faces.tag == "polylist" else np.arange(len(corners))
-        chosen = corners[cut].reshape(-1, 3)
+        counts = _integers(faces, "vcount") if faces.tag == "polylist" else np.full(len(corners) // 3, 3)
+        if (counts > len(corners)).any() or counts.sum() != len(corners):
+            raise ValueError(f"{len(corners)} corners, which are not those of the polygons")
+        chosen = corners[_fans(counts)].reshape(-1, 3)
         if len(chosen) and (chosen.min() < 0 or chosen.max() >= len(points)):
             raise ValueError(f"a corner {chosen.max()}, but only {len(points)} vertices")
-        vertices.append(points)
-        triangles.append(chosen + count)
-        count += len(points)
+        used, rows = np.unique(chosen, return_inverse=True)  # else each part of a few triangles had them all
+        vertices.append(points[used])
+        triangles.append(rows.reshape(-1, 3) + count)
+        count += len(used)
     return np.concatenate(vertices), np.concatenate(triangles)
 
 

@@ -21,8 +21,10 @@ _LATE_DECLARATION = re.compile(r"\A\s+<\?xml[^>]*\?>")
 class XmlElement(ET.Element):
     """An element of the standard library that knows where it stands."""
 
+    source: str = ""
+    """of which text: its file"""
     line: int = 0
-    """of the file, where it begins"""
+    """of that text, where it begins"""
     parent: XmlElement | None = None
 
 
@@ -78,7 +80,8 @@ class _Builder:
         if self._count > _MAX_ELEMENTS:
             raise InputError(f"{self._place()}: more than {_MAX_ELEMENTS} elements")
         element = XmlElement(tag, attributes)
-        element.line, element.parent = self._parser.CurrentLineNumber, self._open[-1]
+        element.source, element.line = self._source, self._parser.CurrentLineNumber
+        element.parent = self._open[-1]
         self._open[-1].append(element)
         self._open.append(element)
 

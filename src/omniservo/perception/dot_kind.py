@@ -12,15 +12,20 @@ from omniservo.perception.feature_kind import LEAST_FEATURES, MatchedPoints, req
 from omniservo.perception.find_dots import find_dots
 from omniservo.perception.match_dots import match_dots
 
-_OTHERS = "; of a photograph without dots: natural (--features natural), or tags (--features tags)"
-
 
 class DotKind:
-    """Dots of one radius: which is which is unknown until two images are compared."""
+    """Dots of one radius: which is which is unknown until two images are compared.
+
+    Args:
+        hint: ends the message on an image with too few of them.
+    """
 
     name = "dots"
     least = LEAST_FEATURES
     most_blur = 2.0
+
+    def __init__(self, hint: str = "") -> None:
+        self._hint = hint
 
     def find(self, camera: CentralModel, image: ByteArray) -> FloatArray:
         """Return the dots (n, 2) [px], top to bottom, then left to right."""
@@ -34,8 +39,8 @@ class DotKind:
             NoSolutionError: the match is ambiguous, or fewer than eight dots can be matched.
         """
         initial_dots, goal_dots = find_dots(initial, camera), find_dots(goal, camera)
-        require_features(len(initial_dots), self.name, "the initial image", hint=_OTHERS)
-        require_features(len(goal_dots), self.name, "the goal image", hint=_OTHERS)
+        require_features(len(initial_dots), self.name, "the initial image", hint=self._hint)
+        require_features(len(goal_dots), self.name, "the goal image", hint=self._hint)
         match = match_dots(camera, initial_dots, goal_dots)
         if match.status != "ok":
             raise NoSolutionError(

@@ -20,6 +20,7 @@ from omniservo.errors import InputError, spelled
 from omniservo.field_docs import with_field_docs
 from omniservo.files import read_document, write_whole
 from omniservo.geometry.arrays import FloatArray, finite_number, frozen, frozen_again
+from omniservo.geometry.single_pose import single_pose
 from omniservo.planning.checks import LARGEST, bounded_array
 from omniservo.planning.degrees import Degrees
 from omniservo.planning.obstacles.cloud import MOST_CLOUD_POINTS, Cloud
@@ -126,9 +127,7 @@ class PlanningProblem:
                 )
 
     def _check_goal(self) -> None:
-        goal = self.initial_T_goal
-        if not isinstance(goal, RigidTransform) or not goal.single:
-            raise InputError(f"initial_T_goal: {goal!r:.60} given; one RigidTransform is needed")
+        goal = single_pose("initial_T_goal", self.initial_T_goal)
         bounded_array("goal.translation", goal.translation, (3,))
 
     def _check_obstacles(self) -> None:

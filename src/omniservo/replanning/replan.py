@@ -8,6 +8,7 @@ from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray, finite_number
+from omniservo.geometry.single_pose import single_pose
 from omniservo.geometry.subdivision import PROVEN
 from omniservo.planning.camera_path import CameraPath
 from omniservo.planning.checks import bounded_array
@@ -131,9 +132,7 @@ def _place(w: float) -> float:
 def _pose(path: CameraPath, w: float, given: RigidTransform | None) -> RigidTransform:
     if given is None:
         return path(w)
-    if not isinstance(given, RigidTransform) or not given.single:
-        raise InputError(f"pose: {given!r:.60} given; one RigidTransform is needed")
-    bounded_array("pose.translation", given.translation, (3,))
+    bounded_array("pose.translation", single_pose("pose", given).translation, (3,))
     return given
 
 

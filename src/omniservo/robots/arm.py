@@ -12,8 +12,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import RigidTransform
 
-from omniservo.errors import InputError, JointLimit, spelled
+from omniservo.errors import InputError, JointLimit
 from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, frozen
+from omniservo.geometry.single_pose import single_pose
 from omniservo.renamed import renamed_arguments, renamed_attribute
 from omniservo.robots.arm_files import read_arm_file
 from omniservo.robots.kinematics.chain import LENGTH_SCALE, SINGULAR_VALUE, Chain, locate, miss
@@ -261,14 +262,15 @@ class Arm:
         With a closed form (parallel shoulder and elbow axes and a spherical wrist, as the RX60; or axes 2, 3
         and 4 parallel, as the arms of Universal Robots) these are all branches: full turns of a joint count
         as branches of their own where its range allows them; where axes 4 and 6 are parallel (sin q5 = 0) one
-        representative with the first q4 = 0, the second q6 = 0 is given. For other arms they are what a
-        seeded numeric search finds, which may miss some; of seven joints they are samples of families.
+        representative with the first q4, the second q6 as near to 0 as its range allows is given; where the
+        wrist's centre is on axis 1, q1 is 0, or π. For other arms they are what a seeded numeric search
+        finds, which may miss some; of seven joints they are samples of families.
 
         Raises:
             InputError: not one finite pose, out of reach, or reached by no branch within the limits.
         """
         if self._geometry is not None:
-            return self._legal_branches(self._geometry, base_T_flange, 0.0)
+            return self._legal_branches(self._geometry, base_T_flange, np.zeros(6))
         found = solutions(self.chain, _single(base_T_flange))
         if not len(found):
             raise self._not_found(base_T_flange)
@@ -279,17 +281,16 @@ class Arm:
         """Return joints (n,) [rad] that reach the pose, on the branch nearest to ``q``.
 
         With a closed form: the branch of `inverse` whose largest joint motion from ``q`` is smallest; where
-        axes 4 and 6 are parallel joint 4 (RX60) or joint 6 (Universal Robots) stays where it is. For other
-        arms: where a descent from ``q`` leads (least joint motion); only if that fails, the nearest of
-        `inverse`.
+        axes 4 and 6 are parallel joint 4 (RX60) or joint 6 (Universal Robots) stays where it is, or at the
+        end of its range. For other arms: where a descent from ``q`` leads (least joint motion); only if that
+        fails, the nearest of `inverse`.
 
         Raises:
             InputError: not one finite pose, or out of reach; or ``q`` has a wrong shape, NaN or infinity.
         """
         near = finite_array("q", q, (self.dof,))
         if self._geometry is not None:
-            free = float(near[self._geometry.free_joint])
-            branches = self._legal_branches(self._geometry, base_T_flange, free)
+            branches = self._legal_branches(self._geometry, base_T_flange, near)
         else:
             found = descend_all(self.chain, _single(base_T_flange), near[None])
             branches = found if len(found) else self.inverse(base_T_flange)
@@ -344,12 +345,13 @@ class Arm:
         return found
 
     def _legal_branches(
-        self, geometry: WristGeometry | ParallelGeometry, base_T_flange: RigidTransform, free: float
+        self, geometry: WristGeometry | ParallelGeometry, base_T_flange: RigidTransform, near: FloatArray
     ) -> FloatArray:
+        free = float(near.clip(*self.joint_range.T)[geometry.free_joint])
         found = self._solutions(geometry, base_T_flange, free)
         every = (found[:, None, :] + self._turns[None]).reshape(-1, 6)
         low, high = self.joint_range.T
-        legal = every[((every >= low) & (every <= high)).all(axis=1)]
+        legal = every[((every >= low - _ROUNDED) & (every <= high + _ROUNDED)).all(axis=1)].clip(low, high)
         if not len(legal):
             raise InputError(f"{_place(base_T_flange)}: every branch leaves a joint's range")
         ordered: FloatArray = legal[np.lexsort(legal.T[::-1])]
@@ -411,15 +413,16 @@ class Arm:
         return [Shape(kind, tuple(size.tolist())) for kind, size in zip(kinds, extents, strict=True)]
 
 
+_ROUNDED = 1e-9
+"""[rad] by which joints that are found may leave their range: they stand at its end."""
+
 _ANOTHER_UNIT = 5.0
 """A pose that many times farther off than the arm reaches is probably stated in another unit."""
 
 
 def _single(base_T_flange: RigidTransform) -> FloatArray:
     """Return a pose (4, 4), checked."""
-    if not isinstance(base_T_flange, RigidTransform) or not base_T_flange.single:
-        raise InputError(f"base_T_flange: {spelled(base_T_flange)} given; one RigidTransform is needed")
-    return np.ascontiguousarray(finite_array("base_T_flange", base_T_flange.as_matrix(), (4, 4)))
+    return np.ascontiguousarray(single_pose("base_T_flange", base_T_flange).as_matrix())
 
 
 def _place(base_T_flange: RigidTransform) -> str:

@@ -16,11 +16,15 @@ LEAST_CORNERS = 4
 """One tag is enough where its size is known."""
 
 
+_OTHER_FEATURES = "; of a photograph without dots: natural (--features natural), or tags (--features tags)"
+_OTHER_TARGETS = "; if the target has none, state target.tags or target.textures in the task"
+
+
 def feature_kind_of(task: Task) -> FeatureKind:
     """Return the kind of feature that a task's target shows."""
     if task.target.tags is not None:
         return TagKind(task.target.tags.dictionary, LEAST_CORNERS if task.scale.tags else LEAST_FEATURES)
-    return NaturalKind() if task.target.textures else DotKind()
+    return NaturalKind() if task.target.textures else DotKind(_OTHER_TARGETS)
 
 
 def feature_kind(name: KindName, dictionary: str | None, target: Target | None) -> FeatureKind:
@@ -32,7 +36,7 @@ def feature_kind(name: KindName, dictionary: str | None, target: Target | None) 
     if name != "tags":
         if target is not None:
             raise InputError(f"target: it holds tags; features: {name!r} given, 'tags' is needed")
-        return NaturalKind() if name == "natural" else DotKind()
+        return NaturalKind() if name == "natural" else DotKind(_OTHER_FEATURES)
     if target is not None:
         target.tag_corners(dictionary)
         dictionary = dictionary or target.dictionaries[0]

@@ -17,6 +17,7 @@ from omniservo.hardware import ArmConnection
 from omniservo.robots import Arm, ArmBodies, arm_clearance
 from omniservo.robots.path_following.joint_segment import joint_segment
 from omniservo.safety import refuse_unready
+from omniservo.tasks.task import WorkspaceSection
 
 TURN = math.radians(0.5)
 """by which every joint turns, and back [rad]"""
@@ -68,7 +69,7 @@ class JointTrial:
         arm: as its file has it.
         connection: to it.
         flange_T_camera: the mount.
-        workspace: (2, 3) lowest and highest of the box for the camera's centre, base frame [m]; None: any.
+        workspace: of the camera's centre, stated in the base frame; None: any.
         clock: the connection's time [s].
         sleep: lets the given time pass [s].
     """
@@ -76,7 +77,7 @@ class JointTrial:
     arm: Arm
     connection: ArmConnection
     flange_T_camera: RigidTransform
-    workspace: FloatArray | None = None
+    workspace: WorkspaceSection | None = None
     clock: Callable[[], float] = time.monotonic
     sleep: Callable[[float], None] = time.sleep
 
@@ -125,7 +126,7 @@ class JointTrial:
         why = ""
         if not all(self.arm.within_limits(end) for end in ends):
             why = "it would leave the arm file's range"
-        elif self.workspace is not None and not all(self._is_inside(end) for end in ends):
+        elif not all(self._is_inside(end) for end in ends):
             why = "the camera's centre would leave the workspace"
         else:
             path = joint_segment(self.arm, ends[0], ends[1], self.flange_T_camera)
@@ -135,10 +136,12 @@ class JointTrial:
         return f"{room}: {why}; bring the arm elsewhere" if why else ""
 
     def _is_inside(self, joints: FloatArray) -> bool:
+        if self.workspace is None:
+            return True
         centre = (self.arm.base_T_flange(joints) * self.flange_T_camera).translation
-        return self.workspace is None or bool(
-            (self.workspace[0] <= centre).all() and (centre <= self.workspace[1]).all()
-        )
+        low, high = np.array([self.workspace.min, self.workspace.max])
+        inside = self.workspace.transform.inv().apply(centre)
+        return bool((low <= inside).all() and (inside <= high).all())
 
     def _turn(self, joint: int, sign: float) -> tuple[float, FloatArray]:
         """Turn a joint; return by how much it was sent, and by how much all joints turned (n,) [rad]."""

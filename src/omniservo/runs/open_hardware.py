@@ -171,9 +171,9 @@ def open_bare(
     mount, lens = robot.arm.flange_T_camera.transform, robot.camera.calibration
     scene = Scene(arm, RigidTransform.identity(), mount, lens, _joints(robot, arm, driver))
     if robot.workspace is not None:
-        found_T_base = scene.world_T_camera(scene.start_joints).inv()
-        box = np.array([robot.workspace.min, robot.workspace.max])
-        options = replace(options, workspace=box, found_T_workspace=found_T_base)
+        stated = robot.workspace.transformed(scene.world_T_camera(scene.start_joints).inv())
+        box = np.array([stated.min, stated.max])
+        options = replace(options, workspace=box, found_T_workspace=stated.transform)
     return _cell(scene, robot, _Seats(approve, driver, None), options)
 
 

@@ -129,8 +129,7 @@ def check_robot(
     stopped: float | None = None
     answers: tuple[JointAnswer, ...] = ()
     if not findings:
-        box = None if robot.workspace is None else robot.workspace.bounds
-        trial = JointTrial(arm, connection, robot.arm.flange_T_camera.transform, box)
+        trial = JointTrial(arm, connection, robot.arm.flange_T_camera.transform, robot.workspace)
         answers, findings = trial.run(approve)
     if not findings:
         promised = robot.watchdog if connection.watchdog is None else connection.watchdog

@@ -79,8 +79,8 @@ def run_task(
         recording: takes in what passes between job and cell, and what the job makes of it.
 
     Raises:
-        InputError: the task, the goal or the method cannot be worked on: too few features, another camera,
-            out of reach, an unknown name.
+        InputError: the task, the goal or the method cannot be worked on: too few features, another camera
+            or target, out of reach, an unknown name.
         NoSolutionError: no match, no motion estimate, no path that the arm can follow, no twist at the goal.
     """
     started, chosen = perf_counter(), run_method(method)
@@ -222,6 +222,14 @@ def _goal(
             return teach_goal(task, cell)
     if goal.camera != task.camera:
         raise InputError(f"{task.name}: the goal was taught with another camera; teach it again")
+    known = len(task.start.joints_near)
+    if goal.joints is not None and len(goal.joints) != known:
+        raise InputError(
+            f"{task.name}: the goal was taught with {len(goal.joints)} joints; the task's arm has {known}; "
+            "teach it again"
+        )
+    if goal.target is not None and (why := task.target.unlike(goal.target)):
+        raise InputError(f"{task.name}: the goal was taught of another target: {why}; teach it again")
     return goal
 
 

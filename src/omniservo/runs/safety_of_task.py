@@ -33,7 +33,7 @@ def safety_of_task(task: Task) -> SafetyOptions:
         exposure=sensor.exposure,
         readout=sensor.readout,
         workspace=None if box is None else np.array([box.min, box.max]) + _WIDER,
-        found_T_workspace=None if box is None else box.here_T_box,
+        found_T_workspace=None if box is None else box.transform,
     )
 
 

@@ -51,4 +51,4 @@ def teach_here(task: Task, cell: RobotCell) -> TaughtGoal:
     kind = feature_kind_of(task)
     pixels = kind.find(task.camera, image.pixels)
     require_features(len(pixels), kind.name, f"{task.name}: the goal image", kind.least)
-    return TaughtGoal(task.camera, image.pixels, owned(pixels), joints)
+    return TaughtGoal(task.camera, image.pixels, owned(pixels), joints, task.target)

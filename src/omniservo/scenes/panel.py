@@ -9,6 +9,7 @@ from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray, finite_array, frozen
+from omniservo.geometry.single_pose import single_pose
 
 _SHORTEST = 1e-4
 """No side is shorter than this [m]."""
@@ -31,6 +32,7 @@ class Panel:
     """(rows, columns) linear grey in [0, 1]; each entry fills its rectangle of the face evenly"""
 
     def __post_init__(self) -> None:
+        single_pose(f"panel {self.name!r}: world_T_panel", self.world_T_panel)
         size = finite_array(f"panel {self.name!r}: size", self.size, (2,))
         if size.min() < _SHORTEST:
             raise InputError(

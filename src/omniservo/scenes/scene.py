@@ -14,6 +14,7 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.cameras.models import CentralModel
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, frozen
+from omniservo.geometry.single_pose import single_pose
 from omniservo.planning.quick_poses import composed
 from omniservo.robots import Arm, Solid
 from omniservo.scenes.lens_error import LensError
@@ -52,6 +53,7 @@ class SceneBox:
     colour: Colour = BOARD_COLOUR
 
     def __post_init__(self) -> None:
+        single_pose(f"box {self.name!r}: world_T_box", self.world_T_box)
         extents = finite_array(f"box {self.name!r}: half_extents", self.half_extents, (3,))
         if extents.min() < _SHORTEST:
             raise InputError(
@@ -147,6 +149,8 @@ class Scene:
     """as they shine one after the other, by `Light.since`"""
 
     def __post_init__(self) -> None:
+        for name in ("world_T_base", "flange_T_camera"):
+            single_pose(f"scene: {name}", getattr(self, name))
         joints = finite_array("scene: start_joints", self.start_joints, (self.arm.dof,))
         if not self.arm.within_limits(joints):
             raise InputError(f"scene: start_joints {np.rad2deg(joints).round(1)} deg leave the arm's range")

@@ -69,7 +69,7 @@ FORMATS = {
     "omniservo.study-run/1": FileFormat("what a study's folder holds", "study_schema", "study_run_schema"),
     "omniservo.robot/1": FileFormat("a robot and how it is reached", "task_schema", "robot_schema"),
     "omniservo.target/1": FileFormat("points and tags of known geometry", "result_schemas", "target_schema"),
-    "omniservo.goal/2": FileFormat("taught goal", "result_schemas", "goal_schema"),
+    "omniservo.goal/2": FileFormat("taught goal", "task_schema", "goal_schema"),
     "omniservo.estimate/1": FileFormat(
         "motion and structure from two images", "result_schemas", "estimate_schema"
     ),

@@ -1,4 +1,4 @@
-"""JSON schemas of estimates, goals, targets, and what is measured of an arm and its camera."""
+"""JSON schemas of estimates, targets, and what is measured of an arm and its camera."""
 
 from __future__ import annotations
 
@@ -36,7 +36,6 @@ from omniservo.schemas.shapes import (
 )
 from omniservo.targets.target import FORMAT as TARGET
 from omniservo.targets.target import MOST_MEMBERS
-from omniservo.tasks.taught_goal import FORMAT as GOAL
 
 _OR_NULL = nullable(NUMBER)
 _SPREAD = matrix(6, 6)
@@ -119,19 +118,6 @@ def views_schema() -> Schema:
             "noise_px": _OR_NULL,
             "seconds": NOT_NEGATIVE,
             "further": said(several(further), "what one more image would gain, the best first"),
-        },
-    )
-
-
-def goal_schema() -> Schema:
-    """Return the schema of a taught goal."""
-    return of_format(
-        GOAL,
-        {
-            "camera": camera_schema(),
-            "image_png": said({**TEXT, "contentEncoding": "base64", "contentMediaType": "image/png"}, "grey"),
-            "features": said(matrix(None, 2), "[px]"),
-            "joints": said(nullable(several(NUMBER)), "of the arm [rad]"),
         },
     )
 

@@ -1,4 +1,4 @@
-"""JSON schemas of task and robot files: those of pydantic's sections, and what only a file has."""
+"""JSON schemas of tasks, robots and taught goals: those of pydantic's sections, and what only a file has."""
 
 from __future__ import annotations
 
@@ -10,12 +10,25 @@ from omniservo.field_docs import _fields_of  # what `help` shows of dataclasses;
 from omniservo.schemas.camera_schema import camera_schema
 from omniservo.schemas.problem_schema import FILE
 from omniservo.schemas.result_schemas import UNITS_FIELD
-from omniservo.schemas.shapes import NUMBER, TEXT, Schema, either, mapping, nullable, said, several
+from omniservo.schemas.shapes import (
+    NUMBER,
+    TEXT,
+    Schema,
+    either,
+    mapping,
+    matrix,
+    nullable,
+    of_format,
+    said,
+    several,
+)
 from omniservo.tasks.robot_file import FORMAT as ROBOT
 from omniservo.tasks.robot_file import RobotFile
 from omniservo.tasks.section import Section, names_in_file, sections_in
+from omniservo.tasks.target import TargetSection
 from omniservo.tasks.task import FORMAT as TASK
 from omniservo.tasks.task import Task
+from omniservo.tasks.taught_goal import FORMAT as GOAL
 
 CAMERA: Schema = {"$ref": "#/$defs/camera"}
 NAMED_CAMERA = said(either(TEXT, CAMERA), "a preset's name, a calibration file, or a camera")
@@ -46,13 +59,34 @@ def task_schema() -> Schema:
         *(_given(name, {"not": {"type": "null"}}) for name in ("displacement", "known_length")),
         *(_given(name, {"const": True}) for name in ("odometry", "tags")),
     ]
-    parts["TargetSection"]["oneOf"] = [
-        {**_given("dots", {"minItems": 1}), "required": ["dots", "dot_radius"]},
-        *({**_given(name, {}), "not": {"required": ["dot_radius"]}} for name in ("tags", "textures")),
-    ]
+    parts["TargetSection"]["oneOf"] = _kinds_of_target()
     joints = said(several(NUMBER, 6, 7), "one number a joint, as the arm's controller reports them")
     fields["start"] = {"oneOf": [{"$ref": "#/$defs/StartSection"}, mapping({"joints": joints})]}
     return schema
+
+
+def goal_schema() -> Schema:
+    """Return the schema of a taught goal."""
+    target = TargetSection.model_json_schema(schema_generator=PlainSchema)
+    describe_sections(target, TargetSection)
+    target["oneOf"] = _kinds_of_target()
+    parts = target.pop("$defs")
+    png = {**TEXT, "contentEncoding": "base64", "contentMediaType": "image/png"}
+    fields = {
+        "camera": camera_schema(),
+        "image_png": said(png, "grey"),
+        "features": said(matrix(None, 2), "[px]"),
+        "joints": said(nullable(several(NUMBER)), "of the arm [rad]"),
+    }
+    taught = {"target": said(nullable(target), "what it was taught of, as in a task")}
+    return {**of_format(GOAL, fields, taught), "$defs": parts}
+
+
+def _kinds_of_target() -> list[Schema]:
+    return [
+        {**_given("dots", {"minItems": 1}), "required": ["dots", "dot_radius"]},
+        *({**_given(name, {}), "not": {"required": ["dot_radius"]}} for name in ("tags", "textures")),
+    ]
 
 
 def _given(name: str, what: Schema) -> Schema:

@@ -13,6 +13,7 @@ from omniservo.cameras.models import CentralModel
 from omniservo.errors import InputError, spelled
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
+from omniservo.geometry.single_pose import single_pose
 from omniservo.simulation.largest_image import refuse_larger
 from omniservo.simulation.model_light import ModelLight
 from omniservo.simulation.model_rays import ModelRays
@@ -77,8 +78,7 @@ class ModelRenderer:
             raise InputError(
                 f"data: of another model: {data.qpos.size} positions; {self._model.nq} are legal"
             )
-        if not isinstance(pose, RigidTransform) or not np.isfinite(pose.as_matrix()).all() or not pose.single:
-            raise InputError(f"pose: {spelled(pose)} given; legal: one finite scipy RigidTransform")
+        single_pose("pose", pose)
         shape, lit = self._lit.shape, self._lit
         colours, geoms, distance = np.zeros((*shape, 3)), np.full(shape, -1), np.full(shape, np.nan)
         colours[lit], geoms[lit], distance[lit] = self._look(data, pose, self._bearings[lit])

@@ -78,7 +78,7 @@ class _SceneFile:
     """One pass over one file and its includes."""
 
     def __init__(self, root: XmlElement, file: Path) -> None:
-        self._root, self._file, self._fields = root, file, XmlFields(file)
+        self._root, self._file, self._fields = root, file, XmlFields()
         self._meshes, self._pixels = MeshAssets(file), 0
         self._pictures: dict[str, bytes] = {}
         expand_includes(root, file)

@@ -7,7 +7,7 @@ import json
 from functools import cached_property
 from typing import Annotated
 
-from pydantic import BeforeValidator, Field, FiniteFloat, PlainSerializer, ValidationInfo, field_validator
+from pydantic import BeforeValidator, Field, PlainSerializer, ValidationInfo, field_validator
 
 from omniservo.cameras.models import CentralModel, camera_from_dict
 from omniservo.run_methods import METHODS, run_method
@@ -22,7 +22,7 @@ from omniservo.studies.distribution import (
     whole,
 )
 from omniservo.studies.study_arms import StudyArms, legal_name
-from omniservo.tasks.quantities import Angle, NonNegativeLength, PositiveLength
+from omniservo.tasks.quantities import A_NUMBER, Angle, NonNegativeLength, PositiveLength, Real
 from omniservo.tasks.section import Section
 
 FORMAT = "omniservo.study/1"
@@ -71,7 +71,7 @@ class StudyObstacles(Section):
     """how many are tried; a scene whose ends are too near to it has fewer"""
     radius: Lengths = constant(0.03)
     """[m]"""
-    aside: Annotated[FiniteFloat, Field(ge=0, le=1)] = 0.1
+    aside: Annotated[Real, Field(ge=0, le=1)] = 0.1
     """standard deviation along each axis of a ball's middle from the line, over the line's length"""
     clearance: NonNegativeLength = 0.03
     """the camera's own radius [m]: nearer to a surface than this, its centre collides"""
@@ -90,7 +90,7 @@ class StudyImages(Section):
     """chance that a point is not found in an image"""
     wrong: Share = constant(0.0)
     """chance that a point is found where another point of the target is"""
-    rate: Annotated[FiniteFloat, Field(ge=1, le=1000)] = 30.0
+    rate: Annotated[Real, Field(ge=1, le=1000)] = 30.0
     """images per second [Hz]"""
     latency: NonNegative = constant(0.02)
     """from exposure to arrival [s]"""
@@ -124,9 +124,9 @@ class StudyErrors(Section):
 class StudyServo(Section):
     """How the methods are run."""
 
-    gain: Annotated[FiniteFloat, Field(gt=0, le=100)] = 1.0
+    gain: Annotated[Real, Field(gt=0, le=100)] = 1.0
     """λ of the methods without a plan [1/s]"""
-    tolerance_px: Annotated[FiniteFloat, Field(gt=0, le=100)] = 0.2
+    tolerance_px: Annotated[Real, Field(gt=0, le=100)] = 0.2
     """rms distance to the goal image at which the goal counts as reached, beyond the estimate's noise [px]"""
     linear_speed: PositiveLength = 0.5
     """most [m/s]; a larger twist is scaled down"""
@@ -134,13 +134,13 @@ class StudyServo(Section):
     """most [rad/s]; likewise"""
     clearance_margin: NonNegativeLength = 0.005
     """what planning keeps beyond the clearance, and an arm's links to everything around [m]"""
-    visibility_margin: Annotated[FiniteFloat, Field(ge=0)] = 5.0
+    visibility_margin: Annotated[Real, Field(ge=0)] = 5.0
     """what planning keeps to the image's limits [px]"""
-    risk: Annotated[FiniteFloat, Field(ge=1e-4, le=0.5)] | None = None
+    risk: Annotated[Real, Field(ge=1e-4, le=0.5)] | None = None
     """certified plans violate clearance, visibility or occlusion with at most this probability, because the
     estimate is uncertain (`plan_with_risk`); where no path keeps that, and where None is given, the estimate
     is taken as exact"""
-    depth_sigma: Annotated[FiniteFloat, Field(ge=0, le=0.5)] = 0.0
+    depth_sigma: Annotated[Real, Field(ge=0, le=0.5)] = 0.0
     """standard deviation of ``errors.depth`` as it is stated; a plan at a stated risk counts with it"""
 
 
@@ -151,7 +151,7 @@ class StudyLimits(Section):
     """largest final distance to the goal [m]"""
     rotation: Annotated[Angle, Field(gt=0)] = 0.0175
     """largest final angle to the goal [rad]"""
-    seconds: Annotated[FiniteFloat, Field(gt=0, le=600)] = 15.0
+    seconds: Annotated[Real, Field(gt=0, le=600)] = 15.0
     """most time that a run takes [s]"""
 
 
@@ -159,9 +159,9 @@ class Study(Section):
     """Rows = scenes × cameras × methods; see `omniservo.studies.load_study`."""
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9._-]{1,80}$")]
-    seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
+    seed: Annotated[int, Field(ge=0, lt=2**63), A_NUMBER] = 0
     """of all draws"""
-    scenes: Annotated[int, Field(ge=1, le=MOST_ROWS)]
+    scenes: Annotated[int, Field(ge=1, le=MOST_ROWS), A_NUMBER]
     """drawn for each camera; all methods meet the same"""
     cameras: Annotated[dict[str, Camera], Field(min_length=1, max_length=50)]
     """by the names that rows have"""

@@ -10,6 +10,7 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.errors import InputError, spelled
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, owned
+from omniservo.geometry.single_pose import single_pose
 from omniservo.tag_dictionaries import dictionary_name, dictionary_size
 
 _CORNERS = np.array([[-0.5, -0.5, 0.0], [0.5, -0.5, 0.0], [0.5, 0.5, 0.0], [-0.5, 0.5, 0.0]])
@@ -43,6 +44,7 @@ class Tag:
             raise InputError(f"id: {spelled(self.id)} given; legal: whole numbers from 0 to {size - 1}")
         object.__setattr__(self, "id", int(self.id))
         object.__setattr__(self, "edge", finite_number("edge", self.edge, above=0.0))
+        single_pose("target_T_tag", self.target_T_tag)
         finite_array("corners", self.corners, (4, 3))
 
     @property

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import Field, FiniteFloat
+from pydantic import Field
 
-from omniservo.tasks.quantities import Point
+from omniservo.tasks.quantities import A_NUMBER, Point, Real
 from omniservo.tasks.section import Section
 
-_Indices = Annotated[tuple[Annotated[int, Field(ge=0)], ...], Field(min_length=1)]
+_Indices = Annotated[tuple[Annotated[int, Field(ge=0), A_NUMBER], ...], Field(min_length=1)]
 
 
 class Move(Section):
     """Some bodies are moved, and the planner is given at once what it knows of them."""
 
-    time: Annotated[FiniteFloat, Field(ge=0, le=3600)]
+    time: Annotated[Real, Field(ge=0, le=3600)]
     """since the servo's start [s]; at the first image from then on"""
     by: Point
     """in the initial camera frame [m]"""

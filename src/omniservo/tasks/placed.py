@@ -8,11 +8,11 @@ from collections.abc import Mapping
 from typing import Literal, Self
 
 import numpy as np
-from pydantic import FiniteFloat, model_validator
+from pydantic import model_validator
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.planning.checks import NEAR_UNIT
-from omniservo.tasks.quantities import Angle, Point, PositiveLength
+from omniservo.tasks.quantities import Angle, Point, PositiveLength, Real
 from omniservo.tasks.section import Section
 
 Frame = Literal["initial", "base", "goal"]
@@ -40,7 +40,7 @@ class Framed(Section):
 class Turned(Section):
     """A rotation: a unit quaternion or a rotation vector; without either nothing is turned."""
 
-    quaternion: tuple[FiniteFloat, FiniteFloat, FiniteFloat, FiniteFloat] | None = None
+    quaternion: tuple[Real, Real, Real, Real] | None = None
     """(x, y, z, w), unit within 1e-6"""
     rotation_vector: tuple[Angle, Angle, Angle] | None = None
     """axis times angle [rad]"""

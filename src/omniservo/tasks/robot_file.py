@@ -5,12 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import Field, FiniteFloat, PrivateAttr, ValidationError, field_validator
+from pydantic import Field, PrivateAttr, ValidationError, field_validator
 
 from omniservo.errors import InputError
 from omniservo.files import noting_reads, read_document, require_file, stated_units
 from omniservo.robots import Arm, load_arm
 from omniservo.tasks.load_task import first_problem, found_arm, found_camera, found_mount
+from omniservo.tasks.quantities import Real
 from omniservo.tasks.section import Section
 from omniservo.tasks.task import ArmMount, WorkspaceSection
 from omniservo.tasks.task_files import TaskFiles
@@ -30,11 +31,11 @@ class RobotCamera(Section):
     """URI of its images: v4l2:0, rtsp://…, http://… (MJPEG), folder:…, ros2:/topic"""
     calibration: Any
     """a `CentralModel` once loaded; in the file: a calibration file, a preset's name, or a camera"""
-    exposure: Annotated[FiniteFloat, Field(ge=0, le=1)] = 0.0
+    exposure: Annotated[Real, Field(ge=0, le=1)] = 0.0
     """of each row [s]"""
-    readout: Annotated[FiniteFloat, Field(ge=0, le=1)] = 0.0
+    readout: Annotated[Real, Field(ge=0, le=1)] = 0.0
     """of a rolling shutter, from the first row to the last [s]"""
-    rate: Annotated[FiniteFloat, Field(gt=0, le=1000)] = 30.0
+    rate: Annotated[Real, Field(gt=0, le=1000)] = 30.0
     """least number of frames per second that is counted on [Hz]"""
 
 
@@ -47,15 +48,15 @@ class RobotFile(Section):
     """what the driver connects to: a host of rtde, a DDS domain of ros2"""
     joints: dict[str, str] = Field(default_factory=dict)
     """what the driver calls a joint, by its name in the arm's file; where absent: the same"""
-    options: dict[str, bool | int | FiniteFloat | str] = Field(default_factory=dict)
+    options: dict[str, bool | int | Real | str] = Field(default_factory=dict)
     """further arguments of the driver"""
     arm: ArmMount
     """as in a task; ``foot`` is the task's"""
     camera: RobotCamera
-    watchdog: Annotated[FiniteFloat, Field(gt=0, le=1)] | None = None
+    watchdog: Annotated[Real, Field(gt=0, le=1)] | None = None
     """The arm is stopped by something of the user's own so long after the last command [s], where the driver
     itself cannot promise that."""
-    speed: Annotated[FiniteFloat, Field(gt=0, le=1)] = FIRST_SPEED
+    speed: Annotated[Real, Field(gt=0, le=1)] = FIRST_SPEED
     """share of the joints' speeds that is used"""
     workspace: WorkspaceSection | None = None
     """a box that the camera's centre must not leave, in the arm's base frame"""

@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
 import yaml
 
 from omniservo.errors import InputError
-from omniservo.files import write_whole
+from omniservo.files import MOST_YAML_VALUES, write_whole
 from omniservo.robots import shipped_arms
+from omniservo.tasks.obstacles import ObstacleSection
 from omniservo.tasks.task import FORMAT, Task
 
 _UNSAVED = {"camera", "simulation", "planning", "arm"}
 
+_MOST_IN_YAML = MOST_YAML_VALUES // 10
+"""points of clouds and meshes; a task with more is JSON, of which more is read"""
+
 
 def task_text(task: Task) -> str:
     """Return a task file: lengths in m, angles in rad, everything in the initial camera frame.
+
+    It is YAML, or JSON where many points stand in it.
 
     An arm that does not ship with the package is named by its path; the file has to lie in its folder.
 
@@ -36,14 +43,13 @@ def task_text(task: Task) -> str:
         raise InputError(
             f"{task.name}: planning.tracking_tube: a measured tube cannot be written into a task"
         )
-    fields["planning"] = _dumped(task.planning, exclude={"workspace", "obstacles", "arm_clearance"})
+    fields["planning"] = _dumped(task.planning, exclude={"obstacles", "arm_clearance"})
     fields["planning"]["arm_clearance"] = task.planning.arm_clearance
     fields["planning"]["obstacles"] = [
         {**_dumped(section, exclude={"file"}), "type": section.type} for section in task.planning.obstacles
     ]
-    if task.planning.workspace is not None:
-        low, high = task.planning.workspace.bounds.tolist()
-        fields["planning"]["workspace"] = {"min": low, "max": high}
+    if sum(map(_coordinates, task.planning.obstacles)) > _MOST_IN_YAML:
+        return json.dumps(fields)
     return yaml.safe_dump(fields, sort_keys=False, default_flow_style=None, allow_unicode=True, width=110)
 
 
@@ -54,6 +60,10 @@ def save_task(task: Task, path: str | Path, *, force: bool = False) -> None:
         InputError: as `task_text`; or the file exists and ``force`` is False.
     """
     write_whole(path, task_text(task), force=force)
+
+
+def _coordinates(section: ObstacleSection) -> int:
+    return len(getattr(section, "points", getattr(section, "vertices", ())))
 
 
 def _dumped(section: Any, exclude: set[str] | None = None) -> dict[str, Any]:

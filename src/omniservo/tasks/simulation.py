@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from pydantic import Field, FiniteFloat, field_validator
+from pydantic import Field, field_validator
 
-from omniservo.tasks.quantities import Direction
+from omniservo.tasks.quantities import A_NUMBER, Direction, Real
 from omniservo.tasks.section import Section
 
 
 class LightSection(Section):
     """Light from all sides, and from a far lamp; without shadows."""
 
-    brightness: Annotated[FiniteFloat, Field(ge=0, le=4)] = 1.0
+    brightness: Annotated[Real, Field(ge=0, le=4)] = 1.0
     """of both; what would be brighter than white is white"""
-    ambient: Annotated[FiniteFloat, Field(ge=0, le=1)] = 0.68
+    ambient: Annotated[Real, Field(ge=0, le=1)] = 0.68
     """share that comes from all sides"""
     direction: Direction = (-0.55, 0.25, 0.80)
     """towards the lamp, in the world"""
@@ -31,18 +31,18 @@ class LightSection(Section):
 class LightChange(LightSection):
     """Light that shines from some time on."""
 
-    time: Annotated[FiniteFloat, Field(ge=0, le=3600)]
+    time: Annotated[Real, Field(ge=0, le=3600)]
     """since the camera is switched on at the start [s]"""
 
 
 class LensErrorSection(Section):
     """A smooth displacement of the image that no model has: a sample of a Gaussian process."""
 
-    sigma: Annotated[FiniteFloat, Field(ge=0, le=10)]
+    sigma: Annotated[Real, Field(ge=0, le=10)]
     """standard deviation in u and in v [px]"""
-    length: Annotated[FiniteFloat, Field(gt=0, le=2)] = 0.2
+    length: Annotated[Real, Field(gt=0, le=2)] = 0.2
     """over which it is alike: ℓ of the covariance σ² exp(−r²/2ℓ²), as a share of the image's width"""
-    seed: Annotated[int, Field(ge=0)] = 0
+    seed: Annotated[int, Field(ge=0), A_NUMBER] = 0
     """of the sample"""
 
 

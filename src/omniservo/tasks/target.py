@@ -4,18 +4,24 @@ from __future__ import annotations
 
 from typing import Annotated, Literal, Self
 
+import numpy as np
 from pydantic import AfterValidator, Field, model_validator
+from scipy.spatial.distance import pdist
 from scipy.spatial.transform import RigidTransform
 
 from omniservo import targets
 from omniservo.errors import InputError
+from omniservo.geometry.arrays import FloatArray
 from omniservo.tag_dictionaries import dictionary_name, dictionary_size
 from omniservo.tasks.placed import Block, Framed, Placed
-from omniservo.tasks.quantities import Direction, Point, PositiveLength
+from omniservo.tasks.quantities import A_NUMBER, Direction, Point, PositiveLength
 from omniservo.tasks.section import Section
 
 MOST_FACES = 64
 """most tags, and most textured faces, of a target"""
+
+_ALIKE = 1e-3
+"""[m] to which distances on targets are alike: what is measured again differs by so much"""
 
 
 class Dot(Section):
@@ -38,7 +44,7 @@ class TagSection(Placed):
     Without a rotation it stands upright and faces the initial camera.
     """
 
-    id: Annotated[int, Field(ge=0)]
+    id: Annotated[int, Field(ge=0), A_NUMBER]
     """number in the dictionary"""
     edge: PositiveLength
     """side of the square whose corners count, as of `targets.Tag` [m]"""
@@ -75,7 +81,7 @@ class TexturedFace(Placed):
 
     kind: Literal["stones", "poster", "crate"]
     """what surface"""
-    seed: Annotated[int, Field(ge=0)] = 0
+    seed: Annotated[int, Field(ge=0), A_NUMBER] = 0
     """which one of its kind"""
     size: tuple[PositiveLength, PositiveLength]
     """width along x, height along y [m]"""
@@ -110,6 +116,31 @@ class TargetSection(Framed):
         if tags is not None:
             tags = tags.model_copy(update={"panels": tuple(tag.transformed(a_T_b) for tag in tags.panels)})
         return self.model_copy(update={**parts, "tags": tags})
+
+    def unlike(self, other: TargetSection) -> str:
+        """Return by what another target differs from this one, wherever it stands; "" where it does not."""
+        if self._shown != other._shown:
+            return f"{other._shown}, not {self._shown}"
+        apart = float(np.abs(self._distances - other._distances).max())
+        return f"distances on it differ by {1e3 * apart:.1f} mm" if apart > _ALIKE else ""
+
+    @property
+    def _shown(self) -> str:
+        if self.tags is not None:
+            return f"tags {', '.join(str(tag.id) for tag in self.tags.panels)} of {self.tags.dictionary}"
+        if self.textures:
+            return ", ".join(f"{face.kind} {face.seed}" for face in self.textures)
+        return f"{len(self.dots)} dots"
+
+    @property
+    def _distances(self) -> FloatArray:
+        """Of dots and their radius, or of three points of every face, each from each [m]."""
+        if self.dots:
+            return np.append(pdist([dot.center for dot in self.dots]), self.dot_radius or 0.0)
+        points = [face.transform.apply(np.diag([*face.size, 0.0])) for face in self.textures]
+        if self.tags is not None:
+            points = [tag.transform.apply(np.diag([tag.edge, tag.edge, 0.0])) for tag in self.tags.panels]
+        return pdist(np.concatenate(points))
 
     @property
     def known(self) -> targets.Target | None:

@@ -7,22 +7,19 @@ of them in the initial camera frame.
 
 from __future__ import annotations
 
-from itertools import product
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import (
     AliasChoices,
     Field,
-    FiniteFloat,
     PrivateAttr,
-    StrictInt,
+    StrictBool,
     field_validator,
     model_validator,
 )
 from scipy.spatial.transform import RigidTransform
 
-from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.covariances import is_covariance
 from omniservo.planning import Workspace
 from omniservo.renamed import renamed_attribute
@@ -31,7 +28,7 @@ from omniservo.robots import TrackingTube
 from omniservo.tasks.move import Move
 from omniservo.tasks.obstacles import ObstacleSection
 from omniservo.tasks.placed import Frame, FramedBlock, Turned
-from omniservo.tasks.quantities import Angle, NonNegativeLength, Point, PositiveLength
+from omniservo.tasks.quantities import A_NUMBER, Angle, NonNegativeLength, Point, PositiveLength, Real
 from omniservo.tasks.section import Section
 from omniservo.tasks.sensor import SensorSection
 from omniservo.tasks.simulation import SimulationSection
@@ -74,7 +71,7 @@ class ArmMount(Section):
     flange_T_camera: Annotated[Pose, Field(validation_alias=AliasChoices("flange_T_camera", "tool_T_camera"))]
     """the camera in the flange frame; a file may name that of a hand-eye calibration in its folder, and says
     ``tool_T_camera``, and ``tool`` above, where it is older"""
-    mount_covariance: tuple[tuple[FiniteFloat, ...], ...] | None = None
+    mount_covariance: tuple[tuple[Real, ...], ...] | None = None
     """(6, 6) of flange_T_camera: translation in the flange's frame [m], rotation vector on the right [rad];
     the file of a hand-eye calibration states it. Plans with a risk count with it"""
 
@@ -130,7 +127,7 @@ class Teach(Section):
 class KnownLength(Section):
     """The distance between two dots, numbered as in the initial image (top to bottom, left to right)."""
 
-    dots: tuple[Annotated[int, Field(ge=0)], Annotated[int, Field(ge=0)]]
+    dots: tuple[Annotated[int, Field(ge=0), A_NUMBER], Annotated[int, Field(ge=0), A_NUMBER]]
     length: PositiveLength
     """[m]"""
 
@@ -148,11 +145,11 @@ class Scale(Section):
     displacement: PositiveLength | None = None
     """distance between initial and goal camera centre [m], the paper's α"""
     known_length: KnownLength | None = None
-    odometry: bool = False
+    odometry: StrictBool = False
     """the displacement follows from the arm's joint readings at both poses"""
-    tags: bool = False
+    tags: StrictBool = False
     """sizes and places of the target's tags are known as the task states them"""
-    sigma: Annotated[FiniteFloat, Field(ge=0, le=0.5)] = 0.0
+    sigma: Annotated[Real, Field(ge=0, le=0.5)] = 0.0
     """standard deviation of the displacement or length over itself; plans with a risk count with it"""
 
     @model_validator(mode="after")
@@ -165,34 +162,27 @@ class Scale(Section):
         return self
 
 
-class WorkspaceSection(Section):
-    """A box that the camera centre must not leave, in the initial camera frame."""
+class WorkspaceSection(Pose):
+    """A box that the camera centre must not leave; how its axes stand in the initial camera frame."""
 
     min: Point
     max: Point
-    _here_T_box: RigidTransform = PrivateAttr(default_factory=RigidTransform.identity)
 
     def transformed(self, a_T_b: RigidTransform) -> WorkspaceSection:
-        """Return the same, stated in frame b, in frame a, along whose axes it need not lie."""
-        there = self.model_copy()
-        there._here_T_box = a_T_b * self._here_T_box
-        return there
-
-    @property
-    def here_T_box(self) -> RigidTransform:
-        """The frame along whose axes ``min`` and ``max`` are."""
-        return self._here_T_box
+        """Return the same, stated in frame b, in frame a."""
+        pose = a_T_b * self.transform
+        return self.model_copy(
+            update={
+                "translation": tuple(pose.translation.tolist()),
+                "quaternion": tuple(pose.rotation.as_quat().tolist()),
+                "rotation_vector": None,
+            }
+        )
 
     @property
     def workspace(self) -> Workspace:
         """The planner's."""
-        return seen_workspace(Workspace(np.array(self.min), np.array(self.max)), self._here_T_box)
-
-    @property
-    def bounds(self) -> FloatArray:
-        """(2, 3) lowest and highest of the box's corners [m]."""
-        corners = self._here_T_box.apply(np.array(list(product(*zip(self.min, self.max, strict=True)))))
-        return np.array([corners.min(axis=0), corners.max(axis=0)])
+        return seen_workspace(Workspace(np.array(self.min), np.array(self.max)), self.transform)
 
     @model_validator(mode="after")
     def _ordered(self) -> WorkspaceSection:
@@ -204,8 +194,8 @@ class WorkspaceSection(Section):
 class DegreesSection(Section):
     """Highest polynomial degrees of the path."""
 
-    rotation: Annotated[int, Field(ge=1, le=8)] = 2
-    translation: Annotated[int, Field(ge=1, le=8)] = 2
+    rotation: Annotated[int, Field(ge=1, le=8), A_NUMBER] = 2
+    translation: Annotated[int, Field(ge=1, le=8), A_NUMBER] = 2
 
 
 class Planning(Section):
@@ -224,17 +214,17 @@ class Planning(Section):
     """every link and the camera's housing to every obstacle and the floor, as executed [m]; 5 mm where the
     file says nothing; null: obstacles are there for the camera's centre alone, as points that stand for
     bodies already are"""
-    visibility_margin: Annotated[FiniteFloat, Field(ge=0)] = 2.0
+    visibility_margin: Annotated[Real, Field(ge=0)] = 2.0
     """[px]"""
     least_distance: PositiveLength = 0.02
     """camera centre to every target point [m]; 20 mm where the file says nothing"""
-    occlusion: bool = False
+    occlusion: StrictBool = False
     workspace: WorkspaceSection | None = None
     degrees: DegreesSection = DegreesSection()
-    risk: Annotated[FiniteFloat, Field(ge=1e-4, le=0.5)] | None = None
+    risk: Annotated[Real, Field(ge=1e-4, le=0.5)] | None = None
     """probability that the executed path leaves any of these unmet because the estimate is uncertain: margins
     are widened for it; where absent the estimate is planned with as if it were exact"""
-    looks: Annotated[StrictInt, Field(ge=0, le=MOST_LOOKS)] = 2
+    looks: Annotated[int, Field(ge=0, le=MOST_LOOKS), A_NUMBER] = 2
     """how often the arm may move a little and look again, where no plan fits the risk or it starts near a
     singularity; 0: never"""
 
@@ -259,18 +249,18 @@ class Servo(Section):
     time_law: Literal["rest-to-rest", "time-optimal", "exponential"] = "rest-to-rest"
     """rest-to-rest: smooth acceleration. time-optimal: the fastest within half of the arm's joint speeds and
     accelerations. exponential: the paper's (42), whatever the limits"""
-    duration: Annotated[FiniteFloat, Field(gt=0, le=600)] | None = None
+    duration: Annotated[Real, Field(gt=0, le=600)] | None = None
     """of the rest-to-rest law [s]; where absent: the shortest that keeps half of the arm's joint speeds and
     accelerations, at least 4 s"""
-    image_speed: Annotated[FiniteFloat, Field(gt=0, le=1e6)] | None = None
+    image_speed: Annotated[Real, Field(gt=0, le=1e6)] | None = None
     """fastest that a followed point may move through the image, against motion blur [px/s]; by the plan"""
-    rate: Annotated[FiniteFloat, Field(gt=0, le=100)] = 1.0
+    rate: Annotated[Real, Field(gt=0, le=100)] = 1.0
     """λ₁ of the exponential law (42), and λ of methods without a plan [1/s]"""
-    gain: Annotated[FiniteFloat, Field(gt=0, le=100)] = 3.0
+    gain: Annotated[Real, Field(gt=0, le=100)] = 3.0
     """λ₂ of (43) [1/s]"""
-    tolerance_px: Annotated[FiniteFloat, Field(gt=0, le=10)] = 0.1
+    tolerance_px: Annotated[Real, Field(gt=0, le=10)] = 0.1
     """rms distance to the goal image at which the job is done [px]"""
-    time_limit: Annotated[FiniteFloat, Field(gt=0, le=3600)] = 30.0
+    time_limit: Annotated[Real, Field(gt=0, le=3600)] = 30.0
     """[s]"""
 
     @model_validator(mode="after")

@@ -11,18 +11,23 @@ from typing import Any
 
 import numpy as np
 from PIL import Image
+from pydantic import ValidationError
 
 from omniservo.cameras.models import CentralModel, camera_from_dict
 from omniservo.errors import InputError, did_you_mean, spelled_name
 from omniservo.files import read_document, write_whole
 from omniservo.geometry.arrays import ByteArray, FloatArray, finite_array, owned
 from omniservo.short_repr import short_repr
+from omniservo.tasks.load_task import first_problem
+from omniservo.tasks.section import Section
+from omniservo.tasks.target import TargetSection
 
 FORMAT = "omniservo.goal/2"
 """The file format that this version writes; it also reads /1, which calls the features dots."""
 
 _FIRST_FORMAT = "omniservo.goal/1"
 _FIELDS = ("format", "camera", "image_png", "features", "joints")
+_LEGAL = (*_FIELDS, "target")
 _MAX_PIXELS = 64_000_000
 
 
@@ -37,6 +42,8 @@ class TaughtGoal:
     """(n, 2) [px] what was found in the image"""
     joints: FloatArray | None
     """(n,) [rad], None where the arm's pose was not recorded"""
+    target: TargetSection | None = None
+    """what it was taught of, wherever that stands; None in files that do not say it"""
 
     __repr__ = short_repr
 
@@ -57,6 +64,9 @@ class TaughtGoal:
             "camera": self.camera.to_dict(),
             "features": self.features.tolist(),
             "joints": None if self.joints is None else self.joints.tolist(),
+            "target": None
+            if self.target is None
+            else self.target.model_dump(mode="json", exclude_defaults=True),
             "image_png": base64.b64encode(buffer.getvalue()).decode("ascii"),
         }
 
@@ -81,10 +91,10 @@ class TaughtGoal:
         if document["format"] == _FIRST_FORMAT and "dots" in document:
             document = {"features" if name == "dots" else name: value for name, value in document.items()}
         for name in document:
-            if name not in _FIELDS:
+            if name not in _LEGAL:
                 raise InputError(
-                    f"{path}: {spelled_name(name)}: no such field; legal: {', '.join(_FIELDS)}"
-                    f"{did_you_mean(name, _FIELDS)}"
+                    f"{path}: {spelled_name(name)}: no such field; legal: {', '.join(_LEGAL)}"
+                    f"{did_you_mean(name, _LEGAL)}"
                 )
         for name in _FIELDS:
             if name not in document:
@@ -96,7 +106,19 @@ class TaughtGoal:
             _image(document["image_png"], camera, path),
             owned(finite_array(f"{path}: features", document["features"], (None, 2))),
             None if joints is None else owned(finite_array(f"{path}: joints", joints, (None,))),
+            _target(document.get("target"), path),
         )
+
+
+class _Taught(Section):
+    target: TargetSection | None
+
+
+def _target(fields: Any, path: str) -> TargetSection | None:
+    try:
+        return _Taught.model_validate({"target": fields}).target
+    except ValidationError as error:
+        raise InputError(first_problem(error, path, _Taught)) from None
 
 
 def _image(encoded: object, camera: CentralModel, source: str) -> ByteArray:

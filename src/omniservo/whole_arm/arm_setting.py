@@ -12,6 +12,7 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.errors import InputError
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, frozen, frozen_again
+from omniservo.geometry.single_pose import single_pose
 from omniservo.planning.obstacles.obstacle import Obstacle
 from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.robots import (
@@ -85,7 +86,7 @@ class ArmSetting:
             if most.max() > self.limit_reserve:
                 object.__setattr__(self, "limit_reserve", float(most.max()))
         for name in ("base_T_initial", "flange_T_camera"):
-            finite_array(name, getattr(self, name).as_matrix(), (4, 4))
+            single_pose(name, getattr(self, name))
         if self.start is not None:
             start = frozen(finite_array("start", self.start, (self.arm.dof,)))
             object.__setattr__(self, "start", start)

@@ -27,7 +27,7 @@ def expand_includes(root: XmlElement, file: Path) -> None:
     Raises:
         InputError: a file that cannot be had, one twice, or more than 16.
     """
-    _expand(root, XmlFields(file), file, {file.resolve()})
+    _expand(root, XmlFields(), file, {file.resolve()})
 
 
 def _expand(element: XmlElement, fields: XmlFields, file: Path, included: set[Path]) -> None:

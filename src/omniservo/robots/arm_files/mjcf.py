@@ -53,7 +53,7 @@ class _Mjcf:
 
     def __init__(self, root: XmlElement, file: Path) -> None:
         self._file = file
-        self._fields = XmlFields(file)
+        self._fields = XmlFields()
         self._meshes = MeshAssets(file)
         expand_includes(root, file)
         self._root = root

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -76,8 +77,19 @@ def read_arm_file(
         raise InputError(
             f"{file}: root element {spelled(root.tag)} given; legal: <robot> (URDF), <mujoco> (MJCF)"
         )
-    spec = _spec(description, file)
-    return _made_ready(spec, description, file, flange)
+    with _silent():
+        return _made_ready(_spec(description, file), description, file, flange)
+
+
+@contextmanager
+def _silent() -> Iterator[None]:
+    """Keep MuJoCo's warnings from standard error, and from MUJOCO_LOG.TXT in the working folder."""
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(lambda words: None)
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(before)
 
 
 def _spec(description: Description, file: Path) -> Any:

@@ -16,6 +16,10 @@ _TAKEN = frozenset({"camera", "floor"})
 _WIDEST = 100.0
 """[rad] largest joint position"""
 
+_TURNS = 2
+_MOST_TURNS = (2 * _TURNS + 1) ** 7
+"""ways of whole turns that all joints together may have: each is a branch of inverse kinematics"""
+
 
 def name_parts(spec: Any) -> dict[str, str]:
     """Give links and joints without a name one; links do not take the names of the simulator's bodies.
@@ -48,7 +52,7 @@ def limit_endless(spec: Any, model: Any) -> list[str]:
 
 
 def check_joints(model: Any, source: str) -> None:
-    """Refuse joints that are coupled, or without sensible limits.
+    """Refuse joints that are coupled, or without sensible limits, each and together.
 
     Raises:
         InputError: with the joint's name and what is legal.
@@ -57,6 +61,12 @@ def check_joints(model: Any, source: str) -> None:
         raise InputError(f"{source}: <equality> given; legal: joints of the arm that move by themselves")
     for joint in range(model.njnt):
         _check_range(model, joint, source)
+    turns = np.floor(np.ptp(model.jnt_range, axis=1) / (2.0 * np.pi)) + 1.0
+    if turns.prod() > _MOST_TURNS:
+        raise InputError(
+            f"{source}: the joints' ranges hold one posture in {turns.prod():.0f} ways, by whole turns; "
+            f"legal: {_MOST_TURNS} at most, as ranges of ±{_TURNS:g} turns"
+        )
 
 
 def find_flange(model: Any, flange: str | None, hand: frozenset[str]) -> tuple[str, str, RigidTransform]:

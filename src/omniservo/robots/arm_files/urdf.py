@@ -62,11 +62,13 @@ class _Urdf:
         self._root = root
         self._flange = flange
         self._file = file
-        self._fields = XmlFields(file)
+        self._fields = XmlFields()
         self._meshes = MeshAssets(file, packages)
         self._undrawn: dict[str, str] = {}
         """why a mesh that is only for the eye is left out, by its name"""
         self._colours: dict[str, str] = {}
+        self._narrowed: list[str] = []
+        """joints whose soft limits are narrower than the others"""
 
     def description(self) -> Description:
         fields, root = self._fields, self._root
@@ -118,6 +120,10 @@ class _Urdf:
         endless = [joint.get("name", "") for joint in moving if joint.get("type") == "continuous"]
         if endless:
             notices.append(endless_notice(endless))
+        if self._narrowed:
+            notices.append(
+                f"ranges narrowed to the soft limits of <safety_controller>: {', '.join(self._narrowed)}"
+            )
         if self._undrawn:
             why = ", ".join(dict.fromkeys(self._undrawn.values()))
             notices.append(f"pictures of links left out: {', '.join(self._undrawn)} ({why})")
@@ -163,10 +169,29 @@ class _Urdf:
             raise InputError(
                 f"{fields.place(joint)}: limit: lower {lower:g}, upper {upper:g}; legal: lower < upper"
             )
+        lower, upper = self._soft_range(joint, lower, upper)
         stated = {"lower": repr(lower), "upper": repr(upper)}
         if limit.get("effort") is not None and (effort := float(fields.numbers(limit, "effort", 1)[0])) > 0.0:
             stated["effort"] = repr(effort)
         return stated
+
+    def _soft_range(self, joint: XmlElement, lower: float, upper: float) -> tuple[float, float]:
+        """Return what the soft limits of a <safety_controller>, where they are stated, leave of a range."""
+        fields, safety = self._fields, self._fields.only(joint, "safety_controller")
+        if safety is None:
+            return lower, upper
+        low, high = (
+            float(fields.numbers(safety, name, 1)[0]) if safety.get(name) is not None else hard
+            for name, hard in (("soft_lower_limit", lower), ("soft_upper_limit", upper))
+        )
+        if max(low, lower) >= min(high, upper):
+            raise InputError(
+                f"{fields.place(safety)}: soft_lower_limit {low:g}, soft_upper_limit {high:g} given; legal: "
+                f"lower < upper, and a part of {lower:g} … {upper:g}, or neither of the two"
+            )
+        if low > lower or high < upper:
+            self._narrowed.append(fields.text(joint, "name"))
+        return max(low, lower), min(high, upper)
 
     def _link(self, link: XmlElement) -> ET.Element:
         clean = ET.Element("link", name=self._fields.text(link, "name"))

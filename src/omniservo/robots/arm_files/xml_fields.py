@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from omniservo.errors import InputError, spelled, spelled_name
 from omniservo.files.xml_files import XmlElement
 from omniservo.geometry.arrays import FloatArray, finite_array
@@ -16,11 +14,7 @@ _ODD = 1e9
 
 
 class XmlFields:
-    """Reads attributes of one file's elements; every message names file, line, element and what is legal."""
-
-    def __init__(self, file: Path) -> None:
-        """Prepare for the elements of a file."""
-        self._file = file
+    """Reads attributes of elements; every message names file, line, element and what is legal."""
 
     def place(self, element: XmlElement) -> str:
         """Return what stands first in messages about an element: file, line, its name or its owner's."""
@@ -29,7 +23,7 @@ class XmlFields:
             owner = owner.parent
         named = "" if owner is None else f"{spelled_name(owner.tag)} {spelled(owner.get('name'))}"
         own = "" if owner is element else spelled_name(element.tag)
-        return f"{self._file}: line {element.line}: {': '.join(filter(None, (named, own)))}"
+        return f"{element.source}: line {element.line}: {': '.join(filter(None, (named, own)))}"
 
     def text(self, element: XmlElement, attribute: str) -> str:
         """Return an attribute that must be there and not be empty."""

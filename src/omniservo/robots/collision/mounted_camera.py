@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.field_docs import with_field_docs
+from omniservo.geometry.single_pose import single_pose
 from omniservo.robots.collision.solid import Solid
 
 
@@ -18,3 +19,6 @@ class MountedCamera:
     flange_T_camera: RigidTransform
     mounted: tuple[Solid, ...] = ()
     """what the flange carries, in the camera frame: housing, bracket, gripper"""
+
+    def __post_init__(self) -> None:
+        single_pose("flange_T_camera", self.flange_T_camera)

@@ -14,6 +14,7 @@ from omniservo.errors import InputError
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.along import along
 from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, frozen, frozen_again
+from omniservo.geometry.single_pose import single_pose
 from omniservo.robots.collision.exact_vertices import add_hull
 from omniservo.robots.collision.plain import PLAIN
 from omniservo.short_repr import short_repr
@@ -66,6 +67,7 @@ class Solid:
     def __post_init__(self) -> None:
         if self.kind not in SIZES:
             raise InputError(f"kind: {self.kind!r} given; legal: {', '.join(SIZES)}")
+        single_pose(f"{self.name}: pose", self.pose)
         size = finite_array(f"{self.name}: size", self.size, (SIZES[self.kind],))
         if (size < 0.0).any():
             raise InputError(f"{self.name}: size {size.tolist()} m given; legal: ≥ 0")

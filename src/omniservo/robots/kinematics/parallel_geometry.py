@@ -9,12 +9,13 @@ from typing import ClassVar
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
+from omniservo.robots.kinematics.wrist_geometry import SHORTEST
 
 _ALIGNED = 1e-8
 """[m], [rad] by which axes may miss being parallel, perpendicular or concurrent: URDFs round their angles."""
 
 _STRAIGHT = 1e-9
-"""Rounding allowed in a cosine at the border of the reach."""
+"""Rounding allowed in a cosine, or a length [m], at the border of the reach."""
 
 _FREE_SINE = 1e-7
 """|sin| between axes 4 and 6 below which they are parallel, and joint 6 may take any position."""
@@ -55,7 +56,7 @@ class ParallelGeometry:
         between = anchors[5] - anchors[4]
         apart = abs(between @ _cross(axes[4], axes[5]))  # of perpendicular axes 5 and 6
         upper, forearm = (_within(lift, anchors[i + 1] - anchors[i]) for i in (1, 2))
-        if max(parallel, across, apart) > _ALIGNED or min(_norm(upper), _norm(forearm)) < 1e-3:
+        if max(parallel, across, apart) > _ALIGNED or min(_norm(upper), _norm(forearm)) < SHORTEST:
             return None
         points = anchors.copy()
         points[5] = anchors[5] - (between @ axes[5]) * axes[5]
@@ -140,8 +141,10 @@ class ParallelGeometry:
 
 
 def _angles(a: float, b: float, c: float) -> list[float]:
-    """Every x with a cos x + b sin x = c, two of them, or none."""
+    """Every x with a cos x + b sin x = c, two of them, or none; 0 where any x does."""
     size = math.hypot(a, b)
+    if max(size, abs(c)) < _STRAIGHT:
+        return [0.0]
     if size < 1e-12 or abs(c) > size * (1.0 + _STRAIGHT):
         return []
     middle, half = math.atan2(b, a), math.acos(min(1.0, max(-1.0, c / size)))

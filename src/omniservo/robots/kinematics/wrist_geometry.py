@@ -14,6 +14,9 @@ from omniservo.geometry.arrays import FloatArray
 _STRAIGHT = 1e-9
 """Rounding allowed in a cosine or a squared length [m²] at the border of the reach."""
 
+SHORTEST = 1e-3
+"""[m] of upper arm and forearm: an elbow that turns about the shoulder or the wrist has no closed form."""
+
 _FREE_SINE = 1e-7
 """|sin q5| below which joints 4 and 6 turn about the same line, and their sum alone is determined."""
 
@@ -58,13 +61,14 @@ class WristGeometry:
         across = np.array([point[:2] for point in (*anchors, top)])
         if not np.allclose(across, [[0, 0]] * 2 + [[0, offset]] * 5, atol=1e-12):
             return None
-        if not np.allclose(flange[:3, :3], np.eye(3), atol=1e-12):
+        upper, forearm = float(anchors[2, 2] - anchors[1, 2]), float(anchors[4, 2] - anchors[2, 2])
+        if not np.allclose(flange[:3, :3], np.eye(3), atol=1e-12) or min(abs(upper), abs(forearm)) < SHORTEST:
             return None
         return cls(
             height=float(anchors[1, 2]),
-            upper=float(anchors[2, 2] - anchors[1, 2]),
+            upper=upper,
             offset=offset,
-            forearm=float(anchors[4, 2] - anchors[2, 2]),
+            forearm=forearm,
             flange=float(top[2] - anchors[4, 2]),
         )
 
@@ -85,7 +89,8 @@ class WristGeometry:
         ):
             forearm_R_flange = _turn(q1, q2 + q3).T @ rotation
             found += [(q1, q2, q3, *wrist) for wrist in _wrist_angles(forearm_R_flange, free)]
-        wrapped = np.array(found, dtype=np.float64).reshape(-1, 6)
+        different = list(dict.fromkeys(found))  # a straight elbow bends neither way
+        wrapped = np.array(different, dtype=np.float64).reshape(-1, 6)
         return np.pi - np.mod(np.pi - wrapped, 2.0 * np.pi)
 
     def _arm_angles(self, x: float, y: float, z: float) -> list[tuple[float, float, float]]:

@@ -12,6 +12,7 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.errors import InputError
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, finite_array, frozen
+from omniservo.geometry.single_pose import single_pose
 from omniservo.robots.arm import LENGTH_SCALE, Arm
 from omniservo.robots.path_following.joint_path import JointPath, PathFailure
 from omniservo.robots.path_following.march_kernel import States
@@ -85,8 +86,8 @@ def follow_path(
         InputError: no configuration reaches the path's start, or ``start`` is not one; an aim or a velocity
             without start, or of six joints; or something is not finite.
     """
-    _check_pose("base_T_initial", base_T_initial)
-    _check_pose("flange_T_camera", flange_T_camera)
+    single_pose("base_T_initial", base_T_initial)
+    single_pose("flange_T_camera", flange_T_camera)
     steps = PathSteps(arm, path, base_T_initial, flange_T_camera)
     for name, value in (("aim", aim), ("velocity", velocity)):
         if value is not None and (start is None or arm.dof == 6):
@@ -177,7 +178,3 @@ def _spread(starts: FloatArray, joint_range: FloatArray) -> FloatArray:
         chosen.append(int(np.argmax(apart)))
         apart = np.minimum(apart, np.abs(relative - relative[chosen[-1]]).max(axis=1))
     return starts[chosen]
-
-
-def _check_pose(name: str, pose: RigidTransform) -> None:
-    finite_array(name, pose.as_matrix(), (4, 4))
