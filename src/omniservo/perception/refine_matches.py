@@ -80,10 +80,10 @@ def refine_matches(
     """Lay the goal's patch round each matched feature on the initial image's, and keep the pairs that fit.
 
     The pixel of the initial image is where the feature was found; the pixel of the goal is where an affine
-    image of the patch round it, with gain and offset, fits best (`align_patches`), less what perspective does
-    to that (`perspective_bias`). A pair is left out where
-    that does not converge, leads far from the feature or to another shape than its scale, correlates badly or
-    is uncertain: that finds most wrong pairs. A place that stands in several pairs keeps the best one.
+    image of the patch round it, with gain and offset, fits best (`align_patches`), less `perspective_bias`.
+    A pair is left out where that does not converge, leads far from the feature or to another shape than its
+    scale, correlates badly or is uncertain: that finds most wrong pairs. A place that stands in several pairs
+    keeps the best one.
 
     The covariance is that of the residual and the gradients, times `CORRELATED`, and not less than
     `LEAST_ERROR`² in all.
