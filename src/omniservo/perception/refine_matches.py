@@ -82,11 +82,9 @@ def refine_matches(
     The pixel of the initial image is where the feature was found; the pixel of the goal is where an affine
     image of the patch round it, with gain and offset, fits best (`align_patches`), less `perspective_bias`.
     A pair is left out where that does not converge, leads far from the feature or to another shape than its
-    scale, correlates badly or is uncertain: that finds most wrong pairs. A place that stands in several pairs
-    keeps the best one.
+    scale, correlates badly, is uncertain, or is a worse one of the same place.
 
-    The covariance is that of the residual and the gradients, times `CORRELATED`, and not less than
-    `LEAST_ERROR`² in all.
+    The covariance, of residual and gradients, is taken `CORRELATED` times, and at least `LEAST_ERROR`² in all.
 
     Args:
         camera: took both images.
@@ -112,9 +110,9 @@ def refine_matches(
     )  # fmt: skip
     near = np.linalg.norm(found.places, axis=1) < np.maximum(FARTHEST * size_goal, 1.5 * pixel_goal)
     good = found.converged & (found.correlation > LEAST_CORRELATION) & near & _plausible(found, ratio)
-    places = found.places.copy()
+    places, window = found.places.copy(), WINDOW * HALF * pitch
     places[good] -= perspective_bias(
-        one[good], other[good], found.places[good], found.affinities[good], WINDOW * HALF * pitch[good]
+        one[good], other[good], places[good], found.affinities[good], window[good]
     )
     pixels, seen = camera.project(other.directions(places[:, None])[:, 0])
     errors = _errors(camera, found, one, other)
@@ -130,8 +128,8 @@ def refine_matches(
     one_picture, the_other = (
         ImagePoints(p[good], e[good]) for p, e in zip((start, pixels), errors, strict=True)
     )
-    window = WINDOW * HALF * pitch / pixel
-    return ImageMatch(one_picture, the_other, found.correlation[good], window[good], "ok", f"{count} pairs")
+    window = (window / pixel)[good]
+    return ImageMatch(one_picture, the_other, found.correlation[good], window, "ok", f"{count} pairs")
 
 
 def refused(status: Status, reason: str) -> ImageMatch:
