@@ -84,7 +84,7 @@ def refine_matches(
     A pair is left out where that does not converge, leads far from the feature or to another shape than its
     scale, correlates badly, is uncertain, or is a worse one of the same place.
 
-    The covariance, of residual and gradients, is taken `CORRELATED` times, and at least `LEAST_ERROR`² in all.
+    The covariance of residual and gradients counts `CORRELATED` times, and `LEAST_ERROR`² at least.
 
     Args:
         camera: took both images.
@@ -111,9 +111,8 @@ def refine_matches(
     near = np.linalg.norm(found.places, axis=1) < np.maximum(FARTHEST * size_goal, 1.5 * pixel_goal)
     good = found.converged & (found.correlation > LEAST_CORRELATION) & near & _plausible(found, ratio)
     places, window = found.places.copy(), WINDOW * HALF * pitch
-    places[good] -= perspective_bias(
-        one[good], other[good], places[good], found.affinities[good], window[good]
-    )
+    bias = perspective_bias(one[good], other[good], places[good], found.affinities[good], window[good])
+    places[good] -= bias
     pixels, seen = camera.project(other.directions(places[:, None])[:, 0])
     errors = _errors(camera, found, one, other)
     good &= seen & (np.sqrt(np.linalg.eigvalsh(errors.sum(0))[:, 1]) < MOST_ERROR)
