@@ -34,6 +34,9 @@ from omniservo.safety.supervisor import TICK, Passed, Supervisor, as_stop
 LATE = 5e-3
 """A tick that is later than this is counted [s]."""
 
+LOOKS_AHEAD = 2
+"""The arm is braked so many looks before a deadline: one may be late, and the arm is told a moment later."""
+
 PROVEN = 0.25
 """So long zeros are sent to an arm that must stand by them before it is armed [s]."""
 
@@ -282,7 +285,7 @@ class DriveLoop:
                 if self._driver is not None:
                     self._driver.read()
         elif self._armed and supervisor.moving:
-            if time.monotonic() + TICK > self._valid_until:  # the last look before it
+            if time.monotonic() + LOOKS_AHEAD * TICK > self._valid_until:
                 raise DeadlinePassed("no command came before the deadline of the last one")
             supervisor.watch()
         elif self._armed or not math.isnan(self._arming_since):
