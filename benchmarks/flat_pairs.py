@@ -19,7 +19,6 @@ from collections import Counter
 from collections.abc import Iterator
 from typing import Literal
 
-import cv2
 import numpy as np
 from benchmarks.pictured_scenes import LENS, OTHER_LENS, WIDE, Face, motion, picture_of
 from benchmarks.real_coverage import DATA, SETS, RealSet, score
@@ -86,22 +85,6 @@ def counted(answers: list[tuple[str, bool]]) -> str:
     )
 
 
-def as_fine_as_seen(picture: FloatArray, size: FloatArray, camera: UnifiedCamera) -> FloatArray:
-    """Return a picture whose elements are as large as the rays are apart that it is seen by, two in a pixel.
-
-    Of finer ones the rays meet some and not others, which moves whole regions of the image alike. No camera
-    does that: a pixel is the mean over its square.
-
-    Args:
-        picture: greys.
-        size: (2,) its width and height over its distance.
-        camera: sees it in the middle of its image.
-    """
-    per_tangent = camera.fx / (1.0 + camera.xi)
-    columns, rows = np.clip(np.rint(2.0 * per_tangent * size).astype(int), 8, picture.shape[::-1]).tolist()
-    return np.asarray(cv2.resize(picture, (columns, rows), interpolation=cv2.INTER_AREA))
-
-
 def rendered_pair(seed: int, camera: UnifiedCamera) -> list[tuple[str, bool]]:
     """Return the answers to one rendered pair, by method and share of the noise.
 
@@ -111,8 +94,7 @@ def rendered_pair(seed: int, camera: UnifiedCamera) -> list[tuple[str, bool]]:
     kind = texture_kinds()[int(rng.integers(len(texture_kinds())))]
     tilt = Rotation.from_rotvec([*rng.uniform(-0.7, 0.7, 2), rng.uniform(-np.pi, np.pi)])
     place = RigidTransform.from_components([*rng.uniform(-0.1, 0.1, 2), rng.uniform(0.4, 0.8)], tilt)
-    half, picture = rng.uniform(0.2, 0.6, 2), texture(kind, int(rng.integers(10**6)), 512, 512)
-    board = Face(place, half, as_fine_as_seen(picture, 2.0 * half / place.translation[2], camera))
+    board = Face(place, rng.uniform(0.2, 0.6, 2), texture(kind, int(rng.integers(10**6)), 512, 512))
     goal = motion(rng, length=rng.uniform(0.05, 0.3), turn=rng.uniform(0.1, 0.6))
     one, other = (picture_of([board], camera, pose, rng) for pose in (RigidTransform.identity(), goal))
     try:

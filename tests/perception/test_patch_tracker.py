@@ -23,7 +23,7 @@ def scene():
     match = match_images(CAMERA, images[0.0], images[1.0])
     truth = seen_again(CAMERA, plates, on_the_way(0.0), on_the_way(1.0), match.initial.pixels)
     right = np.flatnonzero(np.linalg.norm(truth - match.goal.pixels, axis=1) < 0.5)
-    rows = np.random.default_rng(2).choice(right, 40, replace=False)
+    rows = np.random.default_rng(1).choice(right, 40, replace=False)
     return plates, images, match.initial.pixels[rows], match.goal.pixels[rows]
 
 

@@ -35,7 +35,7 @@ LATE = 5e-3
 """A tick that is later than this is counted [s]."""
 
 LOOKS_AHEAD = 2
-"""The arm is braked so many looks before a deadline: one may be late, and the arm is told a moment later."""
+"""The arm is braked so many looks before a deadline: one may be late, and a command takes a moment."""
 
 PROVEN = 0.25
 """So long zeros are sent to an arm that must stand by them before it is armed [s]."""

@@ -16,7 +16,6 @@ from omniservo.perception.align_patches import WINDOW, Alignment, align, make_te
 from omniservo.perception.features import Features
 from omniservo.perception.image_points import ImagePoints
 from omniservo.perception.match_features import LEAST_PAIRS, FeatureMatch, Status
-from omniservo.perception.perspective_bias import perspective_bias
 from omniservo.perception.tangent_patches import TangentFrames
 
 HALF = 8
@@ -80,11 +79,12 @@ def refine_matches(
     """Lay the goal's patch round each matched feature on the initial image's, and keep the pairs that fit.
 
     The pixel of the initial image is where the feature was found; the pixel of the goal is where an affine
-    image of the patch round it, with gain and offset, fits best (`align_patches`), less `perspective_bias`.
-    A pair is left out where that does not converge, leads far from the feature or to another shape than its
-    scale, correlates badly, is uncertain, or is a worse one of the same place.
+    image of the patch round it, with gain and offset, fits best (`align_patches`). A pair is left out where
+    that does not converge, leads far from the feature or to another shape than its scale, correlates badly or
+    is uncertain: that finds most wrong pairs. A place that stands in several pairs keeps the best one.
 
-    The covariance of residual and gradients counts `CORRELATED` times, and `LEAST_ERROR`² at least.
+    The covariance is that of the residual and the gradients, times `CORRELATED`, and not less than
+    `LEAST_ERROR`² in all.
 
     Args:
         camera: took both images.
@@ -110,10 +110,7 @@ def refine_matches(
     )  # fmt: skip
     near = np.linalg.norm(found.places, axis=1) < np.maximum(FARTHEST * size_goal, 1.5 * pixel_goal)
     good = found.converged & (found.correlation > LEAST_CORRELATION) & near & _plausible(found, ratio)
-    places, window = found.places.copy(), WINDOW * HALF * pitch
-    bias = perspective_bias(one[good], other[good], places[good], found.affinities[good], window[good])
-    places[good] -= bias
-    pixels, seen = camera.project(other.directions(places[:, None])[:, 0])
+    pixels, seen = camera.project(other.directions(found.places[:, None])[:, 0])
     errors = _errors(camera, found, one, other)
     good &= seen & (np.sqrt(np.linalg.eigvalsh(errors.sum(0))[:, 1]) < MOST_ERROR)
     start = initial.points.pixels[match.pairs[:, 0]]
@@ -127,8 +124,8 @@ def refine_matches(
     one_picture, the_other = (
         ImagePoints(p[good], e[good]) for p, e in zip((start, pixels), errors, strict=True)
     )
-    window = (window / pixel)[good]
-    return ImageMatch(one_picture, the_other, found.correlation[good], window, "ok", f"{count} pairs")
+    window = WINDOW * HALF * pitch / pixel
+    return ImageMatch(one_picture, the_other, found.correlation[good], window[good], "ok", f"{count} pairs")
 
 
 def refused(status: Status, reason: str) -> ImageMatch:
