@@ -1,6 +1,6 @@
 """Hundreds of runs of each fault over real processes on the wall clock: does the arm rest in time, for good?
 
-Run: ``nice -n 5 python -m benchmarks.process_faults --each 500 --at-once 4 --out runs/process-faults.jsonl``.
+Run: ``chrt -r 10 python -m benchmarks.process_faults --each 500 --at-once 3 --out runs/faults.jsonl``.
 The file gets a line for every run as it ends, and the same command goes on where it was interrupted;
 ``--table FILE…`` prints the table alone, ``--kind NAME`` runs one fault.
 

@@ -463,6 +463,7 @@ def test_targets_of_as_many_features_differ_by_their_distances():
     assert "differ by" in target.unlike(target.model_copy(update={"dots": (moved, *rest)}))
     assert target.unlike(target.model_copy(update={"dots": (near, *rest)})) == ""
     assert "dots, not" in target.unlike(target.model_copy(update={"dots": tuple(rest)}))
+    assert target.unlike(target.model_copy(update={"dots": (*rest, first)})) == ""
 
 
 def test_a_goal_of_the_first_format_is_read(tmp_path):

@@ -134,13 +134,14 @@ class TargetSection(Framed):
 
     @property
     def _distances(self) -> FloatArray:
-        """Of dots and their radius, or of three points of every face, each from each [m]."""
+        """Of dots and their radius, or of three points of every face, each from each, sorted [m]."""
         if self.dots:
-            return np.append(pdist([dot.center for dot in self.dots]), self.dot_radius or 0.0)
+            apart = np.sort(pdist([dot.center for dot in self.dots]))
+            return np.append(apart, self.dot_radius or 0.0)
         points = [face.transform.apply(np.diag([*face.size, 0.0])) for face in self.textures]
         if self.tags is not None:
             points = [tag.transform.apply(np.diag([tag.edge, tag.edge, 0.0])) for tag in self.tags.panels]
-        return pdist(np.concatenate(points))
+        return np.sort(pdist(np.concatenate(points)))
 
     @property
     def known(self) -> targets.Target | None:
