@@ -347,4 +347,4 @@ def test_a_run_uses_what_was_measured(robot_file, filmed):
             options = cell._client.options
             assert (options.command_lag, options.offset_sigma) == (0.021, 0.0015)
             assert options.path_room == pytest.approx(0.006 + 0.005)
-            assert cell.camera._offset == 0.043
+            assert (cell.camera._offset, cell.camera._sigma) == (0.043, 0.0015)

@@ -9,6 +9,12 @@ from omniservo.tasks.save_task import save_task
 ASKEW = RigidTransform.from_components([0.1, -0.2, 0.05], Rotation.from_rotvec([0.3, -0.5, 0.7]))
 
 
+def holds(box, places):
+    """By what the planner is given: half-spaces, whose free side is where the normal points."""
+    sides = box.workspace.half_spaces
+    return np.all([places @ side.normal > side.offset for side in sides], axis=0)
+
+
 def with_planning(tmp_path, planning):
     return load_task(written(tmp_path, {**MINIMAL, "planning": planning}))
 
@@ -25,6 +31,15 @@ def assert_same_when_loaded(task, tmp_path):
 @pytest.mark.parametrize("name", shipped_tasks())
 def test_a_saved_task_is_the_same_to_the_last_bit(name, tmp_path):
     assert_same_when_loaded(load_task(name), tmp_path)
+
+
+def test_a_workspace_holds_the_same_places_stated_in_another_frame(tmp_path):
+    fields = {"min": [-300, -200, -100], "max": [300, 200, 400], "rotation_vector": [10, 0, 20]}
+    box = with_planning(tmp_path, {"workspace": fields | {"translation": [50, 0, 0]}}).planning.workspace
+    places = np.random.default_rng(0).uniform(-0.5, 0.5, (200, 3))
+    inside = holds(box, places)
+    assert 20 < inside.sum() < 180
+    np.testing.assert_array_equal(holds(box.transformed(ASKEW), ASKEW.apply(places)), inside)
 
 
 def test_a_workspace_that_stands_askew_is_saved_as_it_stands_and_not_its_hull(tmp_path):
