@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, TypeVar
+from dataclasses import fields
+from typing import Any, TypeVar, cast
 
 T = TypeVar("T")
 
@@ -38,6 +39,12 @@ def deferring(*names: str) -> Callable[[type[T]], type[T]]:
         return cls
 
     return decorate
+
+
+def changed(instance: T, **changes: object) -> T:
+    """Return a copy of a dataclass with other fields, as `dataclasses.replace`; what is deferred stays so."""
+    given = {field.name: vars(instance)[field.name] for field in fields(cast(Any, instance)) if field.init}
+    return type(instance)(**{**given, **changes})
 
 
 class _Deferred:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
 
@@ -17,7 +17,7 @@ from omniservo.cameras import UnifiedCamera
 from omniservo.cameras.conversion import UnifiedImage, unified_image
 from omniservo.cameras.models import CentralModel
 from omniservo.errors import InputError
-from omniservo.estimation.deferred import later
+from omniservo.estimation.deferred import changed, later
 from omniservo.estimation.estimate_planar import estimate_planar
 from omniservo.estimation.matches import Matches
 from omniservo.estimation.minimal_solvers.essential_matrix import linear_structure, mark_in_front
@@ -276,7 +276,7 @@ def _estimate_few(
     if again.status != "ok" or not again.inliers.all() or again.noise_px > MOST_OF_SQUARES_PX:
         return found
     words = f"{CONTRADICTED}, which are taken {again.noise_px / matches.noise_px:.2g} times as large"
-    return replace(again, message=words)
+    return changed(again, message=words)
 
 
 def _with_pose(

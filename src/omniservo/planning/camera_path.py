@@ -13,8 +13,8 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.errors import InputError
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, frozen, frozen_again
+from omniservo.geometry.quick_poses import quaternion_of
 from omniservo.planning.pose_kernels import powers_along, write_states
-from omniservo.planning.quick_poses import quaternion_of
 
 
 @with_field_docs

@@ -20,13 +20,13 @@ from omniservo.errors import InputError, spelled
 from omniservo.field_docs import with_field_docs
 from omniservo.files import read_document, write_whole
 from omniservo.geometry.arrays import FloatArray, finite_number, frozen, frozen_again
+from omniservo.geometry.quick_poses import quaternion_of
 from omniservo.geometry.single_pose import single_pose
 from omniservo.planning.checks import LARGEST, bounded_array
 from omniservo.planning.degrees import Degrees
 from omniservo.planning.obstacles.cloud import MOST_CLOUD_POINTS, Cloud
 from omniservo.planning.obstacles.obstacle import KINDS, Obstacle
 from omniservo.planning.problem_file import MOST_POINTS, problem_fields, read_problem
-from omniservo.planning.quick_poses import quaternion_of
 from omniservo.planning.size_notices import size_notices
 from omniservo.planning.workspace import Workspace
 

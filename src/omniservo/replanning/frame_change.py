@@ -9,11 +9,11 @@ import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.geometry.arrays import FloatArray
+from omniservo.geometry.quick_poses import composed, moved
 from omniservo.planning.degrees import HIGHEST_DEGREE, Degrees
 from omniservo.planning.obstacles.half_space import HalfSpace
 from omniservo.planning.obstacles.obstacle import Obstacle
 from omniservo.planning.planning_problem import PlanningProblem
-from omniservo.planning.quick_poses import composed, moved
 from omniservo.planning.workspace import Workspace
 
 FREE_DEGREE = 3

@@ -8,6 +8,7 @@ from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray, finite_number
+from omniservo.geometry.quick_poses import quaternion_of
 from omniservo.geometry.single_pose import single_pose
 from omniservo.geometry.subdivision import PROVEN
 from omniservo.planning.camera_path import CameraPath
@@ -18,7 +19,6 @@ from omniservo.planning.improving_plans import first_proven, looked
 from omniservo.planning.judged_plan import infeasible_plan, judged_plan
 from omniservo.planning.plan import Plan
 from omniservo.planning.planning_problem import PlanningProblem
-from omniservo.planning.quick_poses import quaternion_of
 from omniservo.planning.search.path_family import Ends
 from omniservo.planning.search.problem_search import ProblemSearch
 from omniservo.planning.time_budget import TimeBudget

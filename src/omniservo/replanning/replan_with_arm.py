@@ -11,6 +11,7 @@ from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray, finite_number
+from omniservo.geometry.quick_poses import composed, inverse
 from omniservo.planning.camera_path import CameraPath
 from omniservo.planning.constraints.body_gap import REACH
 from omniservo.planning.constraints.constraints import CLOUD_REACH, SPHERE_REACH, Constraints
@@ -19,7 +20,6 @@ from omniservo.planning.judged_plan import infeasible_plan
 from omniservo.planning.obstacles.half_space import HalfSpace
 from omniservo.planning.plan import Plan
 from omniservo.planning.planning_problem import PlanningProblem
-from omniservo.planning.quick_poses import composed, inverse
 from omniservo.planning.search.problem_search import ProblemSearch
 from omniservo.planning.time_budget import TimeBudget
 from omniservo.replanning.replan import path_near_rest, rest_of_plan

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
+from omniservo.geometry.quick_poses import composed
 from omniservo.robots import CAMERA_HOUSING, Solid, Tube
 from omniservo.scenes.scene import Scene
 from omniservo.tasks import Task
@@ -51,12 +52,12 @@ def _floor(scene: Scene) -> tuple[Solid, ...]:
     if scene.floor is None:
         return ()
     level = RigidTransform.from_translation([0.0, 0.0, scene.floor])
-    return (Solid("floor", "half_space", np.zeros(0), scene.world_T_base.inv() * level),)
+    return (Solid("floor", "half_space", np.zeros(0), composed(scene.world_T_base.inv(), level)),)
 
 
 def _standing(scene: Scene) -> tuple[Solid, ...]:
     base_T_world = scene.world_T_base.inv()
     return tuple(
-        Solid.box(body.name, base_T_world * body.world_T_box, body.half_extents)
+        Solid.box(body.name, composed(base_T_world, body.world_T_box), body.half_extents)
         for body in scene.surroundings
     )

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from omniservo.cameras.models import CentralModel
 from omniservo.errors import InputError, NoSolutionError
 from omniservo.estimation import TwoViewEstimate, estimate_known_target, estimate_two_view
+from omniservo.estimation.deferred import changed
 from omniservo.geometry.arrays import FloatArray
 from omniservo.perception import DotKind, MatchedPoints
 from omniservo.results.run_result import Seen
@@ -81,7 +80,7 @@ def _with_pose(task: Task, estimate: TwoViewEstimate) -> TwoViewEstimate:
         raise NoSolutionError(
             f"motion and structure cannot be estimated: {estimate.status}: {estimate.message}"
         )
-    return replace(estimate, camera=task.camera)
+    return changed(estimate, camera=task.camera)
 
 
 def known_dots(task: Task, seen: Seen) -> tuple[int, int]:

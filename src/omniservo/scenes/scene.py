@@ -14,8 +14,8 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.cameras.models import CentralModel
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, frozen
+from omniservo.geometry.quick_poses import composed
 from omniservo.geometry.single_pose import single_pose
-from omniservo.planning.quick_poses import composed
 from omniservo.robots import Arm, Solid
 from omniservo.scenes.lens_error import LensError
 from omniservo.scenes.light import Light

@@ -21,6 +21,7 @@ from pydantic import (
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.geometry.covariances import is_covariance
+from omniservo.geometry.quick_poses import composed
 from omniservo.planning import Workspace
 from omniservo.renamed import renamed_attribute
 from omniservo.replanning.frame_change import seen_workspace
@@ -359,7 +360,7 @@ class Task(Section):
     def base_T_initial(self) -> RigidTransform:
         """The initial camera in the arm's base frame, which stands upright at ``arm.foot``."""
         foot_T_world = RigidTransform.from_translation(-np.asarray(self.arm.foot))
-        return foot_T_world * self.start.world_T_camera.transform
+        return composed(foot_T_world, self.start.world_T_camera.transform)
 
     def known_obstacles(self, time: float) -> tuple[ObstacleSection, ...]:
         """Return `planning.obstacles` as they are known at ``time`` [s] since the servo's start."""

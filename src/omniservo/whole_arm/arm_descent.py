@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
+from omniservo.geometry.quick_poses import inverse
 from omniservo.planning.constraints.constraints import Constraints
-from omniservo.planning.quick_poses import inverse
 from omniservo.planning.search.descent import ENOUGH, Room, room_for, solve_damped
 from omniservo.planning.search.path_family import PathFamily, set_samples, unknowns
 from omniservo.planning.search.settle import PULL

@@ -13,13 +13,13 @@ import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.polynomial import bernstein_from_power
+from omniservo.geometry.quick_poses import inverse
 from omniservo.geometry.subdivision import PROVEN
 from omniservo.planning.camera_path import CameraPath
 from omniservo.planning.improving_plans import first_proven
 from omniservo.planning.judged_plan import judged_plan
 from omniservo.planning.plan import Plan
 from omniservo.planning.planning_problem import PlanningProblem
-from omniservo.planning.quick_poses import inverse
 from omniservo.planning.search.path_family import offsets, path_family, unknowns
 from omniservo.planning.search.problem_search import ProblemSearch, ends_like
 from omniservo.planning.search.prove_path import prove_whole_path

@@ -12,6 +12,7 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.errors import InputError
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, frozen, frozen_again
+from omniservo.geometry.quick_poses import composed
 from omniservo.geometry.single_pose import single_pose
 from omniservo.planning.obstacles.obstacle import Obstacle
 from omniservo.planning.planning_problem import PlanningProblem
@@ -107,7 +108,7 @@ class ArmSetting:
 
     def base_T_flange(self, initial_T_camera: RigidTransform) -> RigidTransform:
         """Return the flange's pose for a pose of the camera."""
-        return self.base_T_initial * initial_T_camera * self.camera_T_flange
+        return composed(composed(self.base_T_initial, initial_T_camera), self.camera_T_flange)
 
     @property
     def clearance_around(self) -> float:

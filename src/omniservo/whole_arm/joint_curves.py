@@ -15,9 +15,9 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.polynomial import power_from_bernstein
+from omniservo.geometry.quick_poses import inverse
 from omniservo.planning.camera_path import CameraPath
 from omniservo.planning.planning_problem import PlanningProblem
-from omniservo.planning.quick_poses import inverse
 from omniservo.whole_arm.arm_setting import ArmSetting
 
 BENT = 7

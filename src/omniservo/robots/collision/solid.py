@@ -14,6 +14,7 @@ from omniservo.errors import InputError
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.along import along
 from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, frozen, frozen_again
+from omniservo.geometry.quick_poses import composed
 from omniservo.geometry.single_pose import single_pose
 from omniservo.robots.collision.exact_vertices import add_hull
 from omniservo.robots.collision.plain import PLAIN
@@ -108,7 +109,7 @@ class Solid:
 
     def moved(self, a_T_b: RigidTransform) -> Solid:
         """Return the same body, stated in frame b, in frame a."""
-        return Solid(self.name, self.kind, self.size, a_T_b * self.pose, self.vertices)
+        return Solid(self.name, self.kind, self.size, composed(a_T_b, self.pose), self.vertices)
 
     @property
     def radius(self) -> float:
