@@ -19,6 +19,7 @@ from collections import Counter
 from collections.abc import Iterator
 from typing import Literal
 
+import cv2
 import numpy as np
 from benchmarks.pictured_scenes import LENS, OTHER_LENS, WIDE, Face, motion, picture_of
 from benchmarks.real_coverage import DATA, SETS, RealSet, score
@@ -94,7 +95,9 @@ def rendered_pair(seed: int, camera: UnifiedCamera) -> list[tuple[str, bool]]:
     kind = texture_kinds()[int(rng.integers(len(texture_kinds())))]
     tilt = Rotation.from_rotvec([*rng.uniform(-0.7, 0.7, 2), rng.uniform(-np.pi, np.pi)])
     place = RigidTransform.from_components([*rng.uniform(-0.1, 0.1, 2), rng.uniform(0.4, 0.8)], tilt)
-    board = Face(place, rng.uniform(0.2, 0.6, 2), texture(kind, int(rng.integers(10**6)), 512, 512))
+    half = rng.uniform(0.2, 0.6, 2)
+    picture = texture(kind, int(rng.integers(10**6)), 512, 512)
+    board = Face(place, half, as_fine_as_seen(picture, 2.0 * half * camera.fx / place.translation[2]))
     goal = motion(rng, length=rng.uniform(0.05, 0.3), turn=rng.uniform(0.1, 0.6))
     one, other = (picture_of([board], camera, pose, rng) for pose in (RigidTransform.identity(), goal))
     try:
@@ -112,6 +115,17 @@ def rendered_pair(seed: int, camera: UnifiedCamera) -> list[tuple[str, bool]]:
         )
         for method, share in itertools.product(METHODS, SHARES)
     ]  # fmt: skip
+
+
+def as_fine_as_seen(picture: FloatArray, pixels: FloatArray) -> FloatArray:
+    """Return a picture with no more elements than the ``pixels`` (2,) that it is seen in, across and down.
+
+    Finer ones would be met or missed by the rays of a pixel as chance has it, alike over whole regions, which
+    no camera does: it sees their mean.
+    """
+    rows, columns = picture.shape
+    size = (min(columns, round(pixels[0])), min(rows, round(pixels[1])))
+    return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA))
 
 
 def rendered_rows(count: int) -> Iterator[str]:

@@ -72,6 +72,11 @@ def window(half: int) -> FloatArray:
     return np.asarray(weight / weight.sum())
 
 
+def window_variance(half: int) -> float:
+    """Return the variance of the samples' places along an axis under their weights [samples²]."""
+    return float((window(half) * grid(half)[:, 0] ** 2).sum())
+
+
 def make_templates(
     camera: CentralModel,
     image: FloatImage,

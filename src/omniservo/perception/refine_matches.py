@@ -12,10 +12,11 @@ from omniservo.cameras.models import CentralModel
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray, owned
 from omniservo.perception.agreeing_pairs import agreeing_pairs
-from omniservo.perception.align_patches import WINDOW, Alignment, align, make_templates
+from omniservo.perception.align_patches import WINDOW, Alignment, align, make_templates, window_variance
 from omniservo.perception.features import Features
 from omniservo.perception.image_points import ImagePoints
 from omniservo.perception.match_features import LEAST_PAIRS, FeatureMatch, Status
+from omniservo.perception.perspective_bias import without_perspective_bias
 from omniservo.perception.tangent_patches import TangentFrames
 
 HALF = 8
@@ -110,6 +111,7 @@ def refine_matches(
     )  # fmt: skip
     near = np.linalg.norm(found.places, axis=1) < np.maximum(FARTHEST * size_goal, 1.5 * pixel_goal)
     good = found.converged & (found.correlation > LEAST_CORRELATION) & near & _plausible(found, ratio)
+    found = without_perspective_bias(found, one, other, window_variance(HALF) * pitch**2, good)
     pixels, seen = camera.project(other.directions(found.places[:, None])[:, 0])
     errors = _errors(camera, found, one, other)
     good &= seen & (np.sqrt(np.linalg.eigvalsh(errors.sum(0))[:, 1]) < MOST_ERROR)
