@@ -18,7 +18,7 @@ MISFIT = 0.03
 """standard deviation of a change of scale between neighbours, as the affinities of patches state it; one on
 another surface differs by more and counts less (Geman-McClure)"""
 USUAL = 0.4
-"""[1/rad] standard deviation of c in either direction before any neighbour is asked"""
+"""[1/rad] standard deviation of c in either direction before any neighbour counts"""
 _STEPS = 10
 
 
