@@ -36,7 +36,8 @@ AT_REST = 0.5
 STALE = 0.05
 """After so long without a state [s] messages that name some joints only are an error [s]."""
 
-_LOOK = 0.05
+_LOOK = 0.01
+"""Every so often [s] it is looked who else commands the arm: 3 µs, and that program moves it until it is seen."""
 _TICK = 0.005
 
 
