@@ -37,7 +37,7 @@ STALE = 0.05
 """After so long without a state [s] messages that name some joints only are an error [s]."""
 
 _LOOK = 0.01
-"""Every so often [s] it is looked who else commands the arm: 3 µs, and that program moves it until it is seen."""
+"""So often [s] it is looked who else commands the arm, which takes 3 µs; till then that program moves it."""
 _TICK = 0.005
 
 
