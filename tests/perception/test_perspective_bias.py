@@ -94,6 +94,32 @@ def test_neighbours_on_another_surface_do_not_tell_how_a_patch_stands():
     assert np.median(left) < 0.4 * np.median(off)
 
 
+def test_wrong_matches_among_the_neighbours_do_no_harm():
+    rng = np.random.default_rng(8)
+    points, normal, bearings, there = plane(rng, 200, [0.9, 0.0, 0.0])
+    before, after = TangentFrames.at(bearings), TangentFrames.at(there)
+    places, affinities, truth = laid_on(points, normal, before, after)
+    wrong = np.arange(200) % 5 == 0
+    places[wrong] += rng.normal(0.0, 0.1, (40, 2))
+    found = without_perspective_bias(
+        alignment(places, affinities), before, after, np.full(200, VARIANCE), np.ones(200, dtype=bool)
+    )
+    off, left = (np.linalg.norm(p - truth, axis=1)[~wrong] for p in (places, found.places))
+    assert np.median(left) < 0.3 * np.median(off)
+
+
+def test_a_camera_that_only_turned_has_nothing_to_take_off():
+    """Rotations map tangent planes to tangent planes by isometries."""
+    rng = np.random.default_rng(9)
+    bearings = plane(rng, 100, [0.9, 0.0, 0.0])[2]
+    turned = GOAL.rotation.inv().apply(bearings)
+    before = TangentFrames.at(bearings)
+    after = TangentFrames(turned, GOAL.rotation.inv().apply(before.first))
+    still = alignment(np.zeros((100, 2)), np.tile(np.eye(2), (100, 1, 1)))
+    found = without_perspective_bias(still, before, after, np.full(100, VARIANCE), np.ones(100, dtype=bool))
+    assert np.abs(found.places).max() < 1e-12
+
+
 def test_a_patch_without_neighbours_stays_where_it_is():
     """Those that are left out do not count, however many there are."""
     rng = np.random.default_rng(5)
