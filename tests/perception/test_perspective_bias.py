@@ -120,6 +120,26 @@ def test_a_camera_that_only_turned_has_nothing_to_take_off():
     assert np.abs(found.places).max() < 1e-12
 
 
+def test_the_same_match_twice_and_matches_behind_do_no_harm():
+    """A feature of two orientations is matched twice; a wrong match may lie beyond 90° in the goal image."""
+    rng = np.random.default_rng(10)
+    points, normal, bearings, there = plane(rng, 40, [0.9, 0.0, 0.0])
+    twice = np.concatenate((np.arange(40), np.arange(40)))
+    amid = bearings.mean(axis=0) / np.linalg.norm(bearings.mean(axis=0))
+    before, after = (
+        TangentFrames.at(np.vstack((b[twice], one))) for b, one in ((bearings, amid), (there, -there[:1]))
+    )
+    places, affinities, truth = laid_on(points, normal, before[np.arange(40)], after[np.arange(40)])
+    all_places = np.vstack((places[twice], [[0.0, 0.0]]))
+    shapes = np.concatenate((affinities[twice], np.eye(2)[None]))
+    found = without_perspective_bias(
+        alignment(all_places, shapes), before, after, np.full(81, VARIANCE), np.ones(81, dtype=bool)
+    )
+    off, left = (np.linalg.norm(p - truth, axis=1) for p in (places, found.places[:40]))
+    assert np.median(left) < 0.5 * np.median(off)
+    assert np.isfinite(found.places).all()
+
+
 def test_a_patch_without_neighbours_stays_where_it_is():
     """Those that are left out do not count, however many there are."""
     rng = np.random.default_rng(5)
