@@ -19,7 +19,6 @@ from collections import Counter
 from collections.abc import Iterator
 from typing import Literal
 
-import cv2
 import numpy as np
 from benchmarks.pictured_scenes import LENS, OTHER_LENS, WIDE, Face, motion, picture_of
 from benchmarks.real_coverage import DATA, SETS, RealSet, score
@@ -97,8 +96,7 @@ def rendered_pair(seed: int, camera: UnifiedCamera) -> list[tuple[str, bool]]:
     place = RigidTransform.from_components([*rng.uniform(-0.1, 0.1, 2), rng.uniform(0.4, 0.8)], tilt)
     half = rng.uniform(0.2, 0.6, 2)
     picture = texture(kind, int(rng.integers(10**6)), 512, 512)
-    # About as many elements as pixels of the perspective lens, as rays (two a pixel) of the fisheyes.
-    board = Face(place, half, no_finer(picture, 2.0 * half * camera.fx / place.translation[2]))
+    board = Face(place, half, picture)
     goal = motion(rng, length=rng.uniform(0.05, 0.3), turn=rng.uniform(0.1, 0.6))
     one, other = (picture_of([board], camera, pose, rng) for pose in (RigidTransform.identity(), goal))
     try:
@@ -116,17 +114,6 @@ def rendered_pair(seed: int, camera: UnifiedCamera) -> list[tuple[str, bool]]:
         )
         for method, share in itertools.product(METHODS, SHARES)
     ]  # fmt: skip
-
-
-def no_finer(picture: FloatArray, elements: FloatArray) -> FloatArray:
-    """Return a picture with no more ``elements`` (2,) than that, across and down, each the mean of its own.
-
-    Those finer than rays are apart would be met or missed as chance has it, alike over whole regions, as no
-    camera does: a pixel is the mean over its square.
-    """
-    rows, columns = picture.shape
-    size = (min(columns, round(elements[0])), min(rows, round(elements[1])))
-    return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA))
 
 
 def rendered_rows(count: int) -> Iterator[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -87,12 +87,25 @@ def picture_of(
     directions = ways @ initial_T_camera.rotation.as_matrix().T
     grey = np.full(len(directions), 0.25)
     nearest = np.full(len(directions), np.inf)
+    middle = bearings[len(bearings) // 2, bearings.shape[1] // 2 :][:2]
+    step = float(np.linalg.norm(middle[1] - middle[0]))
     for face in faces:
-        _paint(face, initial_T_camera, directions, grey, nearest)
+        _paint(_averaged(face, initial_T_camera, step), initial_T_camera, directions, grey, nearest)
     grey = np.where(valid, grey.reshape(valid.shape), 0.02)
     image = grey.reshape(camera.height, rays, camera.width, rays).mean(axis=(1, 3))
     seen = gaussian_filter(255.0 * image, 0.5) + noise * rng.standard_normal(image.shape)
     return np.asarray(np.clip(np.rint(seen), 0, 255).astype(np.uint8))
+
+
+def _averaged(face: Face, initial_T_camera: RigidTransform, step: float) -> Face:
+    """Return ``face`` with its picture averaged over the distance between rays that are ``step`` [rad] apart.
+
+    What is finer than rays would be met or missed as chance has it, alike over whole regions, as no camera
+    does: a pixel is the mean over its square. The Gaussian has the standard deviation of a box that wide.
+    """
+    apart = np.linalg.norm(face.initial_T_face.translation - initial_T_camera.translation)
+    element = 2.0 * face.half[::-1] / face.picture.shape
+    return replace(face, picture=gaussian_filter(face.picture, step * apart / element / np.sqrt(12.0)))
 
 
 def _paint(

@@ -267,19 +267,20 @@ def serve_named(file: str, domain: int) -> None:
 
 
 def command_too(file: str, domain: int) -> None:
-    """Be a second program that commands the arm, over the same topic: to stay where it is then."""
+    """Be a second program that commands the arm, over the same topic: to stand where it is now."""
     from omniservo.hardware.ros2.network import DdsNetwork
     from omniservo.hardware.ros2.node import RosNode
 
     shared, commands = mapped(file), TrajectoryCommands()
     node = RosNode(DdsNetwork.localhost(domain))
     publisher = node.publish(commands.topic, JointTrajectoryMessage)
-    point = JointTrajectoryPointMessage(
-        np.array(shared[STATE + 1 : STATE + 7]), np.zeros(6), time_from_start=DurationMessage(0, 50_000_000)
-    )
-    message = JointTrajectoryMessage(joint_names=list(Arm.rx60().joint_names), points=[point])
     while shared[RUN] and not shared[RESTED]:
-        publisher.write(message)
+        point = JointTrajectoryPointMessage(
+            np.array(shared[STATE + 1 : STATE + 7]),
+            np.zeros(6),
+            time_from_start=DurationMessage(0, 50_000_000),
+        )
+        publisher.write(JointTrajectoryMessage(joint_names=list(Arm.rx60().joint_names), points=[point]))
         shared[FAULT], shared[SINCE] = 1 + FAULTS.index(SECOND), shared[SINCE] or time.monotonic()
         time.sleep(0.05)
     node.close()

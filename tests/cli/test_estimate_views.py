@@ -23,7 +23,7 @@ from .calling import call
 CAMERA = preset("fe185")
 POSES = [RigidTransform.identity()] + [motion(np.random.default_rng(k), 0.1, 0.15) for k in (1, 2, 3)]
 ORDER = (2, 0, 3, 1)
-EDGE = 0.09
+EDGE = 0.12
 NATURAL = ("--camera", "fe185", "--features", "natural")
 TAGS = ("--camera", "fe185", "--features", "tags", "--dictionary", "tag36h11")
 
@@ -50,7 +50,7 @@ def tags(tmp_path_factory):
     side = 0.5 * EDGE * (1.0 + 2.0 / tag_cells("tag36h11"))
     faces = []
     for number, depth in enumerate((0.5, 0.62, 0.55, 0.7, 0.58, 0.5)):
-        centre = np.array([0.13 * (number % 3 - 1), 0.14 * (number // 3 - 0.5), depth])
+        centre = np.array([0.17 * (number % 3 - 1), 0.18 * (number // 3 - 0.5), depth])
         picture = np.where(tag_picture("tag36h11", number, pixels_per_cell=1) > 0, 0.9, 0.03)
         pose = RigidTransform.from_translation(centre)
         faces.append(Face(pose, np.array([side, side]), np.kron(picture, np.ones((32, 32)))))

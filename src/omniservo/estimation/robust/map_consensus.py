@@ -31,42 +31,35 @@ BULK = 0.65
 """A map counts where so many of the members obey it."""
 BULK_SAMPLES = 18
 """One of so many holds, with 97%, only members that obey where no more than `BULK` do."""
-CLEAN_SAMPLES = 10
-"""Where more do, so many of such samples are expected: noise spoils some of them."""
 HEAD_START = 4
 """A sample's map is left that so many more members disobey than halfway between the least share that may and
 all: one that the least share obeys gets there with 0.1%."""
 
 
 @kernel
-def count_others(matches: Matches, members: BoolArray, gate: float, share: float) -> IntArray:
-    """Return (3, 2): how many matches, and members, disobey identity, rotation and homography.
+def bulk_maps(matches: Matches, members: BoolArray, gate: float) -> FloatArray:
+    """Return the distances (3, n) [px] of all matches to identity, rotation and homography of the members.
 
-    Only maps that ``share`` of the members obey are looked for, and where fewer than `BULK` obey a map all
-    are counted.
+    Those to a map that fewer than `BULK` of the members obey within ``gate`` are infinite.
     """
     n, inside = members.shape[0], int(members.sum())
-    least, most_samples = BULK * inside, min(BULK_SAMPLES, math.ceil(CLEAN_SAMPLES / share**SAMPLE))
-    counts, distances = np.empty((3, 2), dtype=np.int64), np.empty(n)
-    counts[:, 0], counts[:, 1] = n, inside
+    least, found, distances = BULK * inside, np.full((3, n), math.inf), np.empty(n)
     for kind in (HOMOGRAPHY, ROTATION, IDENTITY):
-        if kind == ROTATION and not _keeps_angles(matches, members, gate, share):
+        if kind == ROTATION and not _keeps_angles(matches, members, gate):
             continue
-        if kind == IDENTITY and inside - counts[ROTATION, 1] < least:
+        if kind == IDENTITY and math.isinf(found[ROTATION].min()):
             continue  # the identity is a rotation
-        robust_map(matches, kind, members, gate, least, most_samples, distances)
-        others, lost = 0, 0
+        robust_map(matches, kind, members, gate, least, BULK_SAMPLES, distances)
+        obey = 0
         for j in range(n):
-            if not distances[j] < gate:
-                others += 1
-                lost += members[j]
-        if inside - lost >= least:
-            counts[kind, 0], counts[kind, 1] = others, lost
-    return counts
+            obey += members[j] and distances[j] < gate
+        if obey >= least:
+            found[kind] = distances
+    return found
 
 
 @kernel
-def _keeps_angles(matches: Matches, members: BoolArray, gate: float, share: float) -> bool:
+def _keeps_angles(matches: Matches, members: BoolArray, gate: float) -> bool:
     """Tell whether a rotation may hold: it keeps the angle between bearings, of both in enough pairs.
 
     Two members each within ``gate`` [px] of a rotation see their angle change by at most 2 gate (J + J'), J
@@ -80,7 +73,7 @@ def _keeps_angles(matches: Matches, members: BoolArray, gate: float, share: floa
         most = 2.0 * gate * (_angle_by_pixel(matches.jacobians[i]) + _angle_by_pixel(matches.jacobians[j]))
         initial = _angle(bearings[i, :3], bearings[j, :3])
         kept += abs(initial - _angle(bearings[i, 3:], bearings[j, 3:])) < most
-    return kept >= half - (1.0 - share) * places.shape[0]
+    return kept >= half - (1.0 - BULK) * places.shape[0]
 
 
 @leaf

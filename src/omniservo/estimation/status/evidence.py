@@ -17,10 +17,14 @@ For a plane σ² grows by (0.05 px)²: the errors of features of one plane seen 
 side, as parallax is, and do not average out.
 
 Wrong matches can pretend parallax: a motion that a plane (a rotation, nothing) leaves half free bends to a
-few of them. So where nearly all matches obey a simpler model and k of the m others agree with the motion, the
-motion stands only if chance and wrong matches do not explain that as well: C(m, 2) P(X ≥ k − 2) (f/(1 − f))ᵏ
-< 10⁻³, X binomial among m − 2 with the chance to lie in twice the epipolar band, f the share of wrong
-matches; two of them can always be had.
+few of them. So where nearly all matches obey a simpler model, k of the m that are far from it agree with the
+motion, and the model explains the members without those as well, the motion stands only if chance does not
+explain that: P(K ≥ k) C(m, 2) P(X ≥ k − 2) < 10⁻³.
+
+- K is binomial, the wrong ones among the members where the share of wrong matches is that among all.
+- X is binomial, those of m − 2 in the epipolar band; two of them can always be had. A match that is r [px]
+  off the simpler model, in any direction, lies in the band of half width g with the chance (2/π) asin(g/r).
+  X has the mean of those, without the two farthest: its tail is no thinner than theirs (Hoeffding 1956).
 
 Whether the matches come from this camera and from one rigid scene: `camera_evidence`; whether they are found
 well enough: `heavy_tails`.
@@ -37,13 +41,14 @@ from scipy.special import bdtrc, chdtri, fdtri
 
 from omniservo.estimation.matches import Matches
 from omniservo.estimation.refinement.motion_search import FEW_POINTS, LEAST_NOISE_PX, Minimum
-from omniservo.estimation.robust.map_consensus import BULK, count_others
+from omniservo.estimation.robust.map_consensus import bulk_maps
 from omniservo.estimation.robust.members import GATE, MOTION_PARAMETERS
 from omniservo.estimation.robust.two_view_fit import EIGHT_POINTS, SIGNIFICANCE, TwoViewFit
 from omniservo.estimation.status.camera_evidence import foreign_evidence
 from omniservo.estimation.status.degenerate_motion import HOMOGRAPHY, IDENTITY, ROTATION, simpler_costs
 from omniservo.estimation.status.heavy_tails import badly_found
 from omniservo.estimation.two_view_estimate import Status
+from omniservo.geometry.arrays import FloatArray
 
 PLAUSIBLE_NOISE_PX = 0.6
 LARGEST_NOISE_PX = 5.0
@@ -72,6 +77,9 @@ SIMPLER: tuple[tuple[int, int, Status, str], ...] = (
     ),
 )
 """(map, parameters, status, words), from the simplest."""
+
+FAR = 3.0
+"""[gates] from a simpler model: nearer, a match is off by little relief rather than wrong"""
 
 NEARLY_AS_LIKELY = 2.0 / 3.0
 """A rival minimum makes the answer ambiguous where its likelihood is at least this part of the best one's.
@@ -110,7 +118,7 @@ def judge(
     variance = max(noise_variance(fit.cost, freedom, members.noise_px), camera_error_px**2)
     simple = simpler_model(members, variance, fit.cost)
     if simple is None and robust and matches.size >= EIGHT_POINTS:
-        simple = _bulk_model(fit, matches, math.sqrt(variance))
+        simple = _bulk_model(fit, matches, variance)
     if simple is not None:
         return simple
     if not fit.minima or not fit.minima[0].converged:
@@ -184,38 +192,33 @@ def _fisher(extra: int, freedom: int, chance: float) -> float:
     return float(fdtri(extra, freedom, 1.0 - chance))
 
 
-def _bulk_model(fit: TwoViewFit, matches: Matches, sigma: float) -> tuple[Status, str] | None:
+def _bulk_model(fit: TwoViewFit, matches: Matches, variance: float) -> tuple[Status, str] | None:
     """Return the simplest model that nearly all matches obey, where the others may be wrong matches."""
     n, inside = matches.size, int(np.count_nonzero(fit.members))
-    share = 1.0 - _most_pretended(n, inside) / inside
-    sigma = math.hypot(sigma, SHARED_PX)
-    counts = count_others(matches, fit.members, GATE * sigma, share)
-    for kind, _, status, words in SIMPLER:
-        m, k = int(counts[kind, 0]), int(counts[kind, 1])
+    gate = GATE * math.sqrt(variance + SHARED_PX**2)
+    wrong = (n - inside + 1) / (n + 2)
+    for (*_, status, words), apart in zip(SIMPLER, bulk_maps(matches, fit.members, gate), strict=True):
+        far = ~(apart < FAR * gate)
+        m, k = int(np.count_nonzero(far)), int(np.count_nonzero(far & fit.members))
         if k == inside:
             continue
-        pairs, odds = _pretending(n, inside, m, k)
-        extent = max(math.hypot(*np.ptp(matches.pixels[:, 2:], axis=0)), 1.0)
-        band = min(1.0, 4.0 * GATE * sigma / extent)
-        chance = float(bdtrc(k - 3, m - 2, band)) if k > 2 else 1.0
-        if pairs * chance * odds > SIGNIFICANCE:
+        chance = float(bdtrc(k - 1, inside, wrong)) if k > 2 else 1.0
+        if chance * _bent_to(k, np.sort(apart[far])[:-2], gate) <= SIGNIFICANCE:
+            continue
+        rest = matches.where(fit.members & ~far)
+        found = simpler_model(rest, variance, fit.cost * rest.size / inside)
+        if found is not None and found[0] == status:
             return status, f"{words} (the {m} of {n} matches that disagree may be wrong)"
     return None
 
 
-def _most_pretended(n: int, inside: int) -> int:
-    """Return the most members that may disobey a simpler model: with more, the motion stands, in any band."""
-    outside = n - inside
-    for k in range(1, int((1.0 - BULK) * inside) + 1):
-        if math.prod(_pretending(n, inside, outside + k, k)) <= SIGNIFICANCE:
-            return k - 1
-    return int((1.0 - BULK) * inside)
-
-
-def _pretending(n: int, inside: int, m: int, k: int) -> tuple[int, float]:
-    """Return C(m, 2), 1 for two or fewer, and the odds that ``k`` members are wrong matches."""
-    wrong = (n - inside + 1) / (n + 2)
-    return (math.comb(m, 2) if m > 2 else 1), (wrong / (1.0 - wrong)) ** k
+def _bent_to(k: int, apart: FloatArray, gate: float) -> float:
+    """Return the chance that a motion bends to ``k`` wrong matches, of two and those ``apart`` [px]."""
+    if k <= 2:
+        return 1.0
+    others = len(apart)
+    band = float(np.mean(np.arcsin(np.minimum(gate / apart, 1.0)))) * 2.0 / math.pi
+    return math.comb(others + 2, 2) * float(bdtrc(k - 3, others, band))
 
 
 def _rival(fit: TwoViewFit, members: Matches, variance: float) -> tuple[Status, str] | None:

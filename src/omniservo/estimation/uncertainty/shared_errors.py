@@ -18,8 +18,8 @@ from scipy.spatial.distance import cdist
 
 from omniservo.geometry.arrays import FloatArray
 
-SHARED = 0.6
-"""of the variance of two matches with one window; fitted to rendered pairs, which show 0.4 to 0.65"""
+SHARED = 0.3
+"""of the variance of two matches with one window; fitted to rendered pairs, which show 0.2 to 0.3"""
 
 
 def shared_part(pixels: FloatArray, windows: FloatArray) -> FloatArray:
