@@ -82,6 +82,20 @@ def test_within_limits_it_keeps_them_at_every_millisecond(begin, size):
     assert (rest.pace == 1.0) == (needed <= 1.002)
 
 
+@pytest.mark.parametrize("duration", [20.0, 60.0, 100.0])
+def test_a_long_law_is_slowed_down_no_harder_than_the_joints_may_brake(duration):
+    law, speed = RestToRestLaw(duration), 3.75 / duration
+    limits = PathLimits(
+        lambda w, order: np.full((len(w), 1), float(order == 1)),
+        np.array([1.1 * speed]),
+        np.array([2.0 * speed]),
+        path_speed=lambda w: np.where(w < 0.2, np.inf, 0.5 * speed),
+    )
+    rest = RestOfLaw.within(law, 0.5 * duration, limits)
+    assert rest.pace < 1.0
+    assert limits.excess(*rest.motion(0.5 * duration + np.arange(0.0, 3.0 * duration, 1e-3))) <= 1.002
+
+
 def test_a_path_too_sharp_for_the_speed_at_which_it_is_entered_has_no_law():
     """Whatever the clock does later, q″ṡ² at the beginning is beyond the limit."""
     assert RestOfLaw.within(LAW, 1.5, PathLimits(bent(0.0, sharp=20.0), [5.0], [3.0])) is None

@@ -21,6 +21,7 @@ LEAST_PACE = 0.1
 """A path on which even so slow a clock would not do is too sharp for the speed at which it is entered."""
 
 _PLACES = 401
+_IN_RAMP = 33  # beside those, in each ramp: a long law's places are farther apart than a ramp takes
 _SLOWER = 0.85  # at least by this factor in every round
 _MET = 1.002  # what a law that just met its limits may exceed them by here, where places lie otherwise
 
@@ -99,7 +100,8 @@ class RestOfLaw:
     def within(cls, law: TimeLaw, begin: float, limits: PathLimits | None) -> Self | None:
         """Return the rest of a law, slowed down as far as limits need it; None: no clock is slow enough.
 
-        Limits are checked in 401 places; one that the law just met may be exceeded by 0.2%.
+        Limits are checked in 401 places, and in 33 of each ramp; one that the law just met may be exceeded by
+        0.2%.
 
         Args:
             law: what is followed until then.
@@ -155,7 +157,9 @@ class RestOfLaw:
         while span - low > 1e-4 * span:
             middle = 0.5 * (low + span)
             low, span = (low, middle) if self.law.finished(self.begin + middle) else (middle, span)
-        clock = self.begin + np.linspace(0.0, span, _PLACES)
+        ramps = np.outer(RAMPS, np.linspace(0.0, 1.0, _IN_RAMP)).ravel()
+        gone = np.union1d(np.linspace(0.0, span, _PLACES), ramps[ramps < span])
+        clock = self.begin + gone
         w, speed, growth = self.law.motion(clock)
         left = 1.0 - self._done
         return _Motion(clock, np.clip((w - self._done) / left, 0.0, 1.0), speed / left, growth / left)
