@@ -257,6 +257,20 @@ def test_a_half_space_is_kept_off_a_line_by_what_the_camera_strays_at_either_end
     assert 5 <= sum(lowest) <= 15
 
 
+@pytest.mark.parametrize("kind", ["sphere", "capsule", "cylinder", "box", "ellipsoid"])
+def test_a_body_whose_middle_is_that_of_a_line_of_sight_hides_the_point(arm, kind):
+    """No direction leads from one middle to the other."""
+    point = (arm.base_T_flange(START) * MOUNT).apply([0.0, 0.0, 0.5])
+    line = _Lines(arm, CAMERA, point[None], (), {}, 0.0)
+    assert line.are_clear(START, np.zeros(6))
+    middle = RigidTransform.from_translation(line._scene.places[line._sights.line])
+    size = np.full(somewhere(np.random.default_rng(0), kind, "body").size.shape, 0.02)
+    body = Solid("body", kind, size, middle)
+    found = own_sight_in(arm, START, CAMERA, [point], surroundings=(body,))
+    assert (found.status, found.link) == ("hidden", "body")
+    assert found.gap == pytest.approx(-0.02, abs=0.015)
+
+
 def test_a_post_that_passes_a_line_of_sight_for_a_moment_is_found(arm):
     """The camera goes by a thin post: at no more than a tenth of the path it hides the point."""
     path = straight_joint_path(AHEAD, AHEAD + np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0]), knots=2)

@@ -142,10 +142,12 @@ def _write_ends(
 
 @leaf
 def _begun(normal: FloatArray, dx: float, dy: float, dz: float) -> tuple[float, float, float]:
-    """Return the direction that a search begins with; if none is known, from origin to origin."""
+    """Return the unit vector that a search begins with; if none is known, from origin to origin."""
     if normal[0] != 0.0 or normal[1] != 0.0 or normal[2] != 0.0:
         return normal[0], normal[1], normal[2]
-    length = max(math.sqrt(dx * dx + dy * dy + dz * dz), _ON_TOP)
+    length = math.sqrt(dx * dx + dy * dy + dz * dz)
+    if not length > _ON_TOP:
+        return 0.0, 0.0, 1.0
     return dx / length, dy / length, dz / length
 
 
