@@ -54,7 +54,7 @@ def test_a_move_that_is_not_certified_says_why(standing, obstacles, end, why):
 def test_what_is_kept_for_joints_off_the_line_holds_for_every_point_of_the_arm(arm):
     carried = [solid.moved(FLANGE_T_CAMERA) for solid in CAMERA_HOUSING]
     bodies = ArmBodies(arm, mounted=carried)
-    tube, random = following_tube(bodies), np.random.default_rng(0)
+    tube, random = following_tube(bodies, FLANGE_T_CAMERA), np.random.default_rng(0)
     most = dict.fromkeys(bodies.links, 0.0)
     for _ in range(200):
         q, rays = random.uniform(*arm.joint_range.T), random.normal(size=(len(bodies.shapes.radii), 3))
@@ -68,6 +68,17 @@ def test_what_is_kept_for_joints_off_the_line_holds_for_every_point_of_the_arm(a
         for link in bodies.links:
             most[link] = max(most[link], float(gone[bodies.shapes_of(link)].max()))
     assert all(0.0 < most[link] <= tube.links[link] for link in bodies.links)
+
+
+@pytest.mark.parametrize("aside", [0.0, 0.4])
+def test_what_is_kept_for_joints_off_the_line_holds_for_a_camera_wherever_it_sits(arm, aside):
+    mount = RigidTransform.from_translation([aside, 0.0, 0.1])
+    kept, random, gone = following_tube(ArmBodies(arm), mount).position, np.random.default_rng(0), []
+    for _ in range(2000):
+        q = random.uniform(*arm.joint_range.T)
+        off = q + FOLLOWED * random.choice([-1.0, 1.0], arm.dof)
+        gone.append(np.subtract(*((arm.base_T_flange(at) * mount).translation for at in (q, off))))
+    assert 0.5 * kept < np.linalg.norm(gone, axis=1).max() <= kept
 
 
 def test_the_mounts_error_moves_what_stands_still_by_no_more_than_is_kept():

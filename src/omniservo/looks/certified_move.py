@@ -77,7 +77,7 @@ def certified_move(
     if reserve < LIMIT_RESERVE + FOLLOWED:
         return f"a joint keeps {math.degrees(reserve):.2f} deg to the end of its range"
     bare = setting.bodies(asked.obstacles)
-    tube, room = following_tube(bare), 0.0
+    tube, room = following_tube(bare, setting.flange_T_camera), 0.0
     plan = _camera_plan(asked, setting, samples, path, tube.position, mount)
     if isinstance(plan, str) or plan.status != "certified":
         return plan if isinstance(plan, str) else plan.reason
@@ -101,13 +101,13 @@ def certified_move(
     return CertifiedMove(path, found, plan)
 
 
-def following_tube(bodies: ArmBodies) -> Tube:
+def following_tube(bodies: ArmBodies, flange_T_camera: RigidTransform) -> Tube:
     """Return how far every part may be beside a line in joint space that joints keep to within `FOLLOWED`.
 
-    From joint j's axis a shape is no farther than the links from there to its own joint are long, and it
-    from that one. A pair of links loses what the joints between them make of it.
+    From joint j's axis a shape, or the camera's centre, is no farther than the links from there to its own
+    joint are long, and it from that one. A pair of links loses what the joints between them make of it.
     """
-    shapes, anchors = bodies.shapes, bodies.arm.chain.anchors
+    shapes, anchors, dof = bodies.shapes, bodies.arm.chain.anchors, bodies.arm.dof
     along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(anchors, axis=0), axis=1)))
     moves = np.zeros((len(shapes.carried), len(anchors) + 1))
     for shape in np.flatnonzero(shapes.carried > 0).tolist():
@@ -123,8 +123,9 @@ def following_tube(bodies: ArmBodies) -> Tube:
     for pair in bodies.own_pairs.tolist():
         part, shape = bodies.part_of(pair), bodies.pairs[pair, 1]
         links[part] = max(links[part], float(moves[shape, shapes.first_between[pair]]))
-    joints = np.full(bodies.arm.dof, FOLLOWED)
-    return Tube(joints, links, position=max(links.values()), image=0.0, singular_value=0.0, share=0.0)
+    centre = (bodies.arm.base_T_flange(np.zeros(dof)) * flange_T_camera).translation
+    position = FOLLOWED * float(np.sum(along[-1] - along + np.linalg.norm(centre - anchors[-1])))
+    return Tube(np.full(dof, FOLLOWED), links, position, image=0.0, singular_value=0.0, share=0.0)
 
 
 def mount_room(begin_T_end: RigidTransform, mount: FloatArray | None, distance: float) -> float:
