@@ -1,5 +1,7 @@
 """A move is certified only where it is clear, in view and within the joints' ranges, with room for errors."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
@@ -92,3 +94,21 @@ def test_the_mounts_error_moves_what_stands_still_by_no_more_than_is_kept():
         worst.append(np.linalg.norm(there.inv().apply(x) - pose.inv().apply(x)))
     assert np.quantile(worst, 0.99) < room < 6.0 * np.quantile(worst, 0.99)
     assert mount_room(pose, None, 0.5) == 0.0
+
+
+def test_room_for_the_mounts_error_is_kept_off_what_comes_near_on_the_way_only(standing):
+    """A ball 13 cm off the arm at first, which the camera passes nearer than the mount's error allows."""
+    ball, end = np.array([0.212, -0.009, -0.127]), START + np.radians([20.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    here = standing(obstacles=[(ball, 0.03)])
+    bodies = here.setting.bodies(here.asked.obstacles)
+    pairs, gaps = [i for i in range(len(bodies.pairs)) if bodies.is_around(i)], []
+    for q in START + np.linspace(0.0, 1.0, 41)[:, None] * (end - START):
+        bodies.place(q)
+        gaps.append(min(bodies.measure(pair) for pair in pairs))
+    assert gaps[0] > 0.12
+    lost = 3.0 * np.sqrt(MOUNT[0, 0] + MOUNT[3, 3] * 0.5 * (ball @ ball))
+    assert 0.01 < min(gaps) < 0.01 + lost
+    found = move_of(here, end)
+    assert isinstance(found, str)
+    assert "apart" in found
+    assert isinstance(move_of(replace(here, mount=None), end), CertifiedMove)

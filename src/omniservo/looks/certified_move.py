@@ -82,7 +82,8 @@ def certified_move(
     if isinstance(plan, str) or plan.status != "certified":
         return plan if isinstance(plan, str) else plan.reason
     if mount is not None:
-        slopes = gap_slopes(setting, bare, RigidTransform.identity(), ends[0]).by_mount
+        still, postures = RigidTransform.identity(), path(np.linspace(0.0, 1.0, _PLACES))
+        slopes = np.concatenate([gap_slopes(setting, bare, still, q).by_mount for q in postures])
         variance = np.einsum("ki,ij,kj->k", slopes, mount, slopes)
         room = SIGMAS * math.sqrt(float(variance.max(initial=0.0)))
     found = arm_clearance(
