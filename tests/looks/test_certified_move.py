@@ -1,12 +1,14 @@
 """A move is certified only where it is clear, in view and within the joints' ranges, with room for errors."""
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 from tests.looks.conftest import FLANGE_T_CAMERA, MOUNT, START
 
+from omniservo.cameras import UnifiedCamera
 from omniservo.looks import FOLLOWED, CertifiedMove, certified_move
 from omniservo.looks.certified_move import following_tube, mount_room
 from omniservo.looks.next_look import structures
@@ -112,3 +114,26 @@ def test_room_for_the_mounts_error_is_kept_off_what_comes_near_on_the_way_only(s
     assert isinstance(found, str)
     assert "apart" in found
     assert isinstance(move_of(replace(here, mount=None), end), CertifiedMove)
+
+
+@pytest.mark.parametrize("xi", [0.0, 0.8])
+def test_what_is_kept_in_the_image_for_joints_off_the_line_holds_in_its_corners(standing, arm, xi):
+    """By all combinations of joints as far off as they may be; a perspective camera is steep there."""
+    camera = UnifiedCamera(
+        fx=160.0 + 240.0 * xi, fy=160.0 + 240.0 * xi, cx=319.5, cy=239.5, width=640, height=480, xi=xi
+    )
+    pixels = np.array([[45.0, 45.0], [594.0, 45.0], [45.0, 434.0], [594.0, 434.0]])
+    points = 0.5 * camera.unproject(pixels)[0]
+    here = standing()
+    here = replace(here, asked=replace(here.asked, camera=camera), mount=None)
+    move = move_of(here, START + np.radians([1.0, 0.5, -0.5, 1.0, 0.5, 1.0]), points)
+    assert isinstance(move, CertifiedMove), move
+    kept = move.plan.problem.visibility_margin - here.asked.visibility_margin
+    most = 0.0
+    for w in np.linspace(0.0, 1.0, 5):
+        planned = camera.project(move.plan.path(w).inv().apply(points))[0]
+        for signs in product((-1.0, 1.0), repeat=arm.dof):
+            pose = here.camera_at(move.joints(w) + FOLLOWED * np.array(signs))
+            off = camera.project(pose.inv().apply(points))[0] - planned
+            most = max(most, float(np.linalg.norm(off, axis=1).max()))
+    assert 0.2 * kept < most <= kept

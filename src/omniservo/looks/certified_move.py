@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
+from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.adjoint import adjoint
@@ -164,8 +165,21 @@ def _camera_plan(
         off = 2.0 * float(np.linalg.norm(gaps.translation, axis=1).max())
         off += followed + mount_room(end, mount, float(away.max()))
         turned = 2.0 * float(gaps.rotation.magnitude().max()) + setting.arm.dof * FOLLOWED
-        focal = max(abs(asked.camera.fx), abs(asked.camera.fy))
-        pixels = focal * (turned + off / max(float(away.min()), asked.least_distance))
+        seen = np.concatenate([pose.apply(samples) for pose in poses.inv()])
+        pixels = _image_room(problem.camera, seen, turned, off)
         return judged_plan(widened_evenly(problem, off, pixels), near, begin, "certified", "")
     except InputError as error:
         return str(error)
+
+
+def _image_room(camera: UnifiedCamera, seen: FloatArray, turned: float, off: float) -> float:
+    """Return how far pixels are off [px], to first order, where a camera is ``turned`` [rad] and ``off`` [m].
+
+    Points ``seen`` (k, 3), in its frame, are off by ‖c‖ turned + off; pixels by the largest singular value of
+    ∂pixel/∂c as much. Those that have no pixel do not count.
+    """
+    _, slopes, valid = camera.project_jacobian(seen)
+    (uu, uv), (_, vv) = np.einsum("kia,kja->ijk", slopes[valid], slopes[valid])
+    steepest = np.sqrt(0.5 * (uu + vv + np.hypot(uu - vv, 2.0 * uv)))
+    gone = np.linalg.norm(seen[valid], axis=1) * turned + off
+    return float((steepest * gone).max(initial=0.0))
