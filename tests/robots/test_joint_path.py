@@ -246,6 +246,22 @@ def test_start_off_the_path_is_refused_with_its_distance(load):
         follow_path(arm, CURVE, base_T_initial, FLANGE_T_CAMERA, start=aside[:5])
 
 
+@pytest.mark.parametrize("q5", [3e-7, 1e-6, 3e-6])
+def test_start_on_whose_path_a_straight_wrist_would_leap_is_singular_at_once(load, q5):
+    """Half a micrometre off the path, joints 4 and 6 turn by more than 0.1 rad to get onto it."""
+    arm, random = load("rx60"), np.random.default_rng(5)
+    for _ in range(20):
+        stand = random.uniform(-1.0, 1.0, 6) + 1.5 * np.eye(6)[2]
+        stand[4] = q5
+        off = RigidTransform.from_exp_coords(1e-7 * random.standard_normal(6))
+        begin = arm.base_T_flange(stand) * FLANGE_T_CAMERA * off
+        (branch,) = follow_path(arm, CURVE, begin, FLANGE_T_CAMERA, start=stand).branches
+        failure = branch.failures[-1]
+        assert (failure.kind, failure.w, len(branch.w)) == ("singular", 0.0, 1)
+        values = np.linalg.svd(scaled_jacobian(arm, branch.positions[0]), compute_uv=False)
+        assert branch.singular_values[0] == pytest.approx(values[-1], abs=1e-6)
+
+
 def test_joint_limit_is_named_with_joint_place_and_amount(load):
     """The camera on a circle about axis 1, by 2.4 rad from 1 rad on; joint 1 of the RX60 ends at 160 deg."""
     arm = load("rx60")

@@ -113,7 +113,7 @@ def advance(
             ahead[0, j] = now[0, j]
         locate(chain, ahead[0], LENGTH_SCALE, np.empty((3, 4)), J)
     for j in range(n):
-        if not abs(ahead[0, j] - foretold[j]) <= _LEAP:
+        if step > 0.0 and not abs(ahead[0, j] - foretold[j]) <= _LEAP:
             return LEAP
     regular = _differentiate(chain, rule, w + step, J, aim.motion, ahead)
     if regular and step > 0.0 and rule.push[0] > 0.0:
