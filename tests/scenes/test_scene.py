@@ -7,7 +7,7 @@ from scipy.spatial.transform import RigidTransform
 from omniservo.cameras import preset
 from omniservo.errors import InputError
 from omniservo.robots import Arm
-from omniservo.scenes import Ball, Dots, Scene, SceneBox, Sensor
+from omniservo.scenes import Ball, Dots, Light, Scene, SceneBox, Sensor
 
 HERE = RigidTransform.identity()
 
@@ -87,3 +87,11 @@ def test_joints_for_a_camera_pose_put_the_camera_there():
     ahead = scene.world_T_camera(scene.start_joints) * RigidTransform.from_translation([0.02, -0.03, 0.05])
     joints = scene.joints_for(ahead, scene.start_joints)
     np.testing.assert_allclose(scene.world_T_camera(joints).as_matrix(), ahead.as_matrix(), atol=1e-9)
+
+
+@pytest.mark.parametrize("length", [1e-200, 1.0, 1e200])
+def test_a_lamp_shines_from_its_direction_however_long_that_is_stated(length):
+    light, normals = Light(direction=(0.0, 0.6 * length, 0.8 * length)), np.eye(3)
+    np.testing.assert_allclose(light.share(normals), 0.68 + 0.32 * np.array([0.0, 0.6, 0.8]), rtol=1e-12)
+    with pytest.raises(InputError, match="its length must not be 0"):
+        Light(direction=(0.0, 0.0, 0.0))

@@ -32,12 +32,13 @@ class Light:
         finite_number("light: since", self.since, minimum=0.0)
         finite_number("light: brightness", self.brightness, minimum=0.0)
         finite_number("light: ambient", self.ambient, minimum=0.0, maximum=1.0)
-        if not np.linalg.norm(finite_array("light: direction", self.direction, (3,))) > 0.0:
+        if not finite_array("light: direction", self.direction, (3,)).any():
             raise InputError(f"light: direction: {self.direction} given; its length must not be 0")
 
     def share(self, normals: FloatArray) -> FloatArray:
         """Return the share (n,) of its own grey that a surface with these unit normals (n, 3) shows."""
-        towards = np.asarray(self.direction) / np.linalg.norm(self.direction)
+        towards = np.asarray(self.direction) / np.abs(self.direction).max()  # squares may overflow
+        towards /= np.linalg.norm(towards)
         lit = np.maximum(np.einsum("ij,j->i", normals, towards), 0.0)  # BLAS would start threads here
         shares: FloatArray = self.brightness * (self.ambient + (1.0 - self.ambient) * lit)
         return shares
