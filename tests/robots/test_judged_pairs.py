@@ -313,3 +313,12 @@ def test_a_half_space_whose_normal_is_not_of_length_1_is_refused(normal, offset)
     """0.5 z ≤ 0.2 ends at 0.4; it was taken to end at 0.1."""
     with pytest.raises(InputError, match="table: (normal|offset)"):
         Solid.half_space("table", normal, offset)
+
+
+@pytest.mark.parametrize("length", [1.0 - 9e-7, 1.0 + 9e-7])
+@pytest.mark.parametrize("offset", [-20.0, 7.0])
+def test_a_half_space_ends_where_its_normal_as_stated_has_its_offset(length, offset):
+    normal = length * np.array([0.6, 0.0, 0.8])
+    wall = Solid.half_space("wall", normal, offset)
+    assert normal @ wall.pose.translation == pytest.approx(offset, rel=1e-15)
+    np.testing.assert_allclose(wall.pose.rotation.apply([0.0, 0.0, 1.0]), normal / length, atol=1e-15)

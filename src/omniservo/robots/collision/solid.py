@@ -104,7 +104,7 @@ class Solid:
         if abs(length - 1.0) > _NEAR_UNIT:
             raise InputError(f"{name}: normal of length {length:g} given; legal: 1")
         height = finite_number(f"{name}: offset", offset)
-        foot = RigidTransform.from_components(height * upright, along(upright))
+        foot = RigidTransform.from_components(height * upright / length**2, along(upright))
         return cls(name, "half_space", np.zeros(0), foot)
 
     def moved(self, a_T_b: RigidTransform) -> Solid:
