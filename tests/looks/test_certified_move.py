@@ -12,7 +12,8 @@ from omniservo.cameras import UnifiedCamera
 from omniservo.looks import FOLLOWED, CertifiedMove, certified_move
 from omniservo.looks.certified_move import following_tube, mount_room
 from omniservo.looks.next_look import structures
-from omniservo.robots import CAMERA_HOUSING, ArmBodies
+from omniservo.robots import CAMERA_HOUSING, ArmBodies, MountedCamera, Solid
+from omniservo.robots.collision.own_sight import own_sight_in
 
 END = START + np.radians([6.0, -4.0, 5.0, 3.0, -4.0, 8.0])
 
@@ -137,3 +138,25 @@ def test_what_is_kept_in_the_image_for_joints_off_the_line_holds_in_its_corners(
             off = camera.project(pose.inv().apply(points))[0] - planned
             most = max(most, float(np.linalg.norm(off, axis=1).max()))
     assert 0.2 * kept < most <= kept
+
+
+@pytest.mark.parametrize(("beside", "certified"), [(2e-4, False), (8e-3, True)])
+def test_a_ball_that_joints_off_the_line_bring_before_a_point_is_kept_off_its_line_of_sight(
+    standing, arm, beside, certified
+):
+    """The camera turns about its line of sight to the point, that a ball stands beside."""
+    here, point = standing(), np.array([[0.0, 0.0, 0.45]])
+    place = here.setting.base_T_initial.apply([0.02 + beside, 0.0, 0.25])
+    ball = Solid.sphere("ball", place, 0.02)
+    setting = replace(here.setting, surroundings=(ball,))
+    here = replace(here, asked=replace(here.asked, occlusion=True), setting=setting, mount=None)
+    end = START + np.radians([0.0, 0.0, 0.0, 0.0, 0.0, 5.0])
+    seen, base_point = MountedCamera(FLANGE_T_CAMERA), setting.base_T_initial.apply(point)
+    hidden = [
+        own_sight_in(arm, START + FOLLOWED * np.array(signs), seen, base_point, surroundings=(ball,)).what
+        for signs in product((-1.0, 1.0), repeat=arm.dof)
+    ]
+    assert any(hidden) != certified
+    found = move_of(here, end, point)
+    assert isinstance(found, CertifiedMove) == certified, found
+    assert certified or "a point is hidden: ball" in found

@@ -61,9 +61,10 @@ def certified_move(
 ) -> CertifiedMove | str:
     """Return the straight move between joints ``ends`` (n,), or why it is none.
 
-    Proven for every w: joint limits; the gaps of all bodies; the camera's constraints (`certify`) on a
-    polynomial path, for all points of the samples. Room is left for what joints may be off the line
-    (`FOLLOWED`), for what the mount may be off (`SIGMAS`) and for what the camera is off the polynomial.
+    Proven for every w: joint limits; the gaps of all bodies; lines of sight; the camera's constraints
+    (`certify`) on a polynomial path, for all points of the samples. Room is left for what joints may be off
+    the line (`FOLLOWED`), for what the mount may be off (`SIGMAS`) and for what the camera is off the
+    polynomial.
 
     Args:
         asked: what to keep, in the frame of the camera as it stands; its points and goal do not count.
@@ -87,8 +88,9 @@ def certified_move(
         slopes = np.concatenate([gap_slopes(setting, bare, still, q).by_mount for q in postures])
         variance = np.einsum("ki,ij,kj->k", slopes, mount, slopes)
         room = SIGMAS * math.sqrt(float(variance.max(initial=0.0)))
+    following = replace(setting, tube=tube)
     found = arm_clearance(
-        replace(setting, tube=tube).bodies(asked.obstacles),
+        following.bodies(asked.obstacles),
         path,
         clearance=setting.clearance_around + room,
         self_clearance=setting.self_clearance,
@@ -97,7 +99,7 @@ def certified_move(
     if found.status != "clear":
         return found.reason
     if asked.occlusion:
-        sight = setting.own_sight(path, setting.base_T_initial.apply(samples))
+        sight = following.own_sight(path, setting.base_T_initial.apply(samples))
         if sight.status == "hidden":
             return f"a point is hidden: {sight.reason}"
     return CertifiedMove(path, found, plan)
