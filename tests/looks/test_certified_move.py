@@ -160,3 +160,15 @@ def test_a_ball_that_joints_off_the_line_bring_before_a_point_is_kept_off_its_li
     found = move_of(here, end, point)
     assert isinstance(found, CertifiedMove) == certified, found
     assert certified or "a point is hidden: ball" in found
+
+
+def test_a_move_keeps_the_reserve_to_joint_limits_that_is_asked_for(standing, arm):
+    here, room = standing(), arm.limit_margins(START)
+    nearest = int(np.argmin(room))
+    asked = replace(here.setting, limit_reserve=float(room[nearest]) - 0.01)
+    way = np.sign(START[nearest] - arm.joint_range[nearest].mean()) * np.eye(arm.dof)[nearest]
+    assert isinstance(move_of(here, START + 0.03 * way), CertifiedMove)
+    found = move_of(replace(here, setting=asked), START + 0.03 * way)
+    assert isinstance(found, str)
+    assert "end of its range" in found
+    assert isinstance(move_of(replace(here, setting=asked), START - 0.03 * way), CertifiedMove)

@@ -21,7 +21,6 @@ from omniservo.robots import ArmBodies, ArmClearance, JointPath, Tube, arm_clear
 from omniservo.robots.path_following.joint_segment import joint_segment
 from omniservo.short_repr import short_repr
 from omniservo.whole_arm import ArmSetting
-from omniservo.whole_arm.arm_setting import LIMIT_RESERVE
 from omniservo.whole_arm.joint_curves import camera_poses, path_near
 
 FOLLOWED = 1e-3
@@ -76,7 +75,7 @@ def certified_move(
     setting = replace(setting, tube=None)
     path = joint_segment(setting.arm, *ends, setting.flange_T_camera)
     reserve = float(path.limit_margins.min())
-    if reserve < LIMIT_RESERVE + FOLLOWED:
+    if reserve < setting.limit_reserve + FOLLOWED:
         return f"a joint keeps {math.degrees(reserve):.2f} deg to the end of its range"
     bare = setting.bodies(asked.obstacles)
     tube, room = following_tube(bare, setting.flange_T_camera), 0.0
