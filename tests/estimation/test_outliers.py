@@ -108,3 +108,25 @@ def test_a_false_minimum_does_not_win_by_the_members_that_it_chose():
             errors.append((found.rotation.inv() * pair.initial_T_goal.rotation).magnitude())
     assert len(errors) >= 9
     assert max(errors) < np.radians(5.0)
+
+
+@pytest.mark.parametrize("k", [2, 4])
+@pytest.mark.parametrize("noise", [None, 0.05])
+def test_wrong_matches_do_not_choose_between_the_two_motions_of_a_plane(fisheye, make_view, k, noise):
+    """They lie where points off the plane would be, had the camera moved by the plane's other motion."""
+    rng = np.random.default_rng(94)
+    flat = np.column_stack((0.1 * rng.uniform(-1, 1, (200, 2)), np.zeros(200)))
+    points = Rotation.from_rotvec([0.5, 0.3, 0.0]).apply(flat) + np.array([0, 0, 0.6])
+    scene = make_view(fisheye, points, TURN, SHIFT)
+    initial, goal = scene.noisy(rng, 0.05)
+    both = estimate_two_view(fisheye, initial, goal, method="homography").alternatives
+    wrong = max(both, key=lambda pose: (pose.rotation.inv() * TURN).magnitude())
+    bent = wrong.inv()  # whose plane is another one: found from the matches' rays
+    rays = [fisheye.unproject(p[:k])[0] for p in (initial, goal)]
+    for j in range(k):
+        sides = np.column_stack((bent.rotation.apply(rays[0][j]), -rays[1][j]))
+        depth = np.linalg.lstsq(sides, -bent.translation, rcond=None)[0][0]
+        goal[j] = fisheye.project(bent.apply((1.1 + 0.1 * j) * depth * rays[0][j]))[0]
+    assert np.linalg.norm(goal[:k] - scene.pixels_goal[:k], axis=1).min() > 1.0
+    found = estimate_two_view(fisheye, initial, goal, noise=noise)
+    assert found.status == "planar_points", found.message

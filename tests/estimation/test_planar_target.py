@@ -105,6 +105,9 @@ def test_two_motions_that_see_the_board_alike_are_both_named(fisheye, make_view)
     assert estimate.initial_T_goal is None
     for motion in both:
         assert f"({motion.translation[0]:.3f}," in estimate.message
+        nearest = min(estimate.alternatives, key=lambda p: np.linalg.norm(p.translation - motion.translation))
+        np.testing.assert_allclose(nearest.translation, motion.translation, atol=1e-9)
+        np.testing.assert_allclose(nearest.rotation.as_matrix(), motion.rotation, atol=1e-9)
 
 
 def test_the_refinement_is_the_minimum_that_scipy_finds(fisheye, make_view):

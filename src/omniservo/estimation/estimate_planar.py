@@ -106,7 +106,8 @@ def estimate_planar(
         return TwoViewEstimate.without_pose(n, "not_converged", words, started)
     others = [solution.motion for solution in found[1:]]
     if others and (words := _ambiguity(found[0].motion, others[0], first_order)):
-        return TwoViewEstimate.without_pose(n, "ambiguous", words, started)
+        both = (_pose(found[0].motion), _pose(others[0]))
+        return TwoViewEstimate.without_pose(n, "ambiguous", words, started, both)
     law = _law(members, found[0], others, inside, request) or first_order
     return _answer(matches, inside, found[0], law, request, started)
 
@@ -196,6 +197,10 @@ def _ambiguity(one: PlanarMotion, other: PlanarMotion, law: JointUncertainty) ->
         f"two motions see the plane alike: {_spelled(one)}, or {_spelled(other)}; a point off the plane, a"
         " third view or a known target tells them apart"
     )
+
+
+def _pose(motion: PlanarMotion) -> RigidTransform:
+    return RigidTransform.from_components(motion.translation, Rotation.from_matrix(motion.rotation))
 
 
 def _spelled(motion: PlanarMotion) -> str:
