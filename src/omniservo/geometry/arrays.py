@@ -32,10 +32,15 @@ def finite_array(name: str, value: npt.ArrayLike, shape: Sequence[int | None]) -
     wanted = tuple(shape)
     if array.shape != wanted and not _is_of_shape(array, wanted):
         raise InputError(f"{name}: shape {array.shape} given; {_spell(wanted)} is needed")
-    if not np.isfinite(array).all():
+    if not all_finite(array):
         bad = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
         raise InputError(f"{name}: {array[bad]} at index {bad}; every number must be finite")
     return array
+
+
+def all_finite(array: FloatArray) -> bool:
+    """Return whether every number is finite; of a few, ``all()`` takes twice as long."""
+    return bool(np.count_nonzero(np.isfinite(array)) == array.size)
 
 
 def refuse_masked(name: str, value: Any) -> None:

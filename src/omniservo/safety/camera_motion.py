@@ -46,6 +46,7 @@ class CameraMotion:
 
     def _base_T_camera(self, time: float) -> FloatArray:
         joints = self._robot.history.expected(np.array(self._start + time))
-        place = np.eye(4)
+        place = np.zeros((4, 4))
+        place[3, 3] = 1.0
         place[:3] = self._robot.arm.locate(joints)[0][:3] @ self._flange_T_camera
         return place

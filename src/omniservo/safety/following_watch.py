@@ -7,6 +7,7 @@ import numpy as np
 from omniservo.errors import NotFollowing
 from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.robots import Arm
+from omniservo.safety.following_kernel import explained
 from omniservo.safety.motion_history import SPACING, MotionHistory
 from omniservo.safety.safety_options import SafetyOptions
 
@@ -56,11 +57,12 @@ class FollowingWatch:
         self._sent_back = back[:, None] + lags[1:-1]
         """how long before the last reading motion is sampled: back from each end of each window [s]"""
         self._weights, self._corners = _drives(lags, options.drive_lag)
-        gains = np.linspace(options.least_gain, options.most_gain, GAINS)[:, None, None]
+        gains = np.linspace(options.least_gain, options.most_gain, GAINS)
         self._least, self._most = gains[:-2], gains[2:]
         self._checked = -np.inf
         self._refuted = np.full((GAINS - 2, self._corners.shape[1], arm.dof), -np.inf)
         """when a drive with these bounds last did not explain a joint's motion [s]"""
+        self._explained(*np.zeros((2, *self._sent_back.shape, arm.dof)))  # compiled before anything moves
 
     def check(self, history: MotionHistory) -> None:
         """Compare the motion up to the last reading.
@@ -72,9 +74,9 @@ class FollowingWatch:
         if abs(now - self._checked) < SPACING:
             return
         self._checked = now
-        q, sent, slowest = history.at(now - self._sent_back)
-        moved = (q[0, 0] - q[1:, 0])[:, None, None]  # (windows, 1, 1, n)
-        low, high = self._explained(sent, slowest)
+        q = history.read_at(now - self._sent_back[:, 0])
+        moved = (q[0] - q[1:])[:, None, None]  # (windows, 1, 1, n)
+        low, high = self._explained(*history.led_at(now - self._sent_back))
         beyond = np.maximum(low - moved, moved - high)
         recent = now - self._refuted <= MEMORY
         wrong = beyond.max(axis=0) > self._options.following_error
@@ -101,14 +103,7 @@ class FollowingWatch:
         """
         averaged = self._weights @ sent, self._weights @ slowest
         fast, slow = (angles[0] - angles[1:] for angles in averaged)  # (windows, drives, n)
-        apart = np.abs(fast - slow)[:, self._corners].max(axis=1)
-        low = np.minimum(fast, slow)[:, self._corners].min(axis=1)[:, None]
-        high = np.maximum(fast, slow)[:, self._corners].max(axis=1)[:, None]
-        apart = self._most * np.maximum.accumulate(apart)[:, None]  # of parts of a window, too
-        return (
-            np.minimum(self._least * low, self._most * low) - apart,
-            np.maximum(self._least * high, self._most * high) + apart,
-        )
+        return explained(fast, slow, self._corners, self._least, self._most)
 
 
 def _drives(lags: FloatArray, most: float) -> tuple[FloatArray, IntArray]:

@@ -87,9 +87,16 @@ class MotionHistory:
         After the last reading they are those of then; before all that is kept of readings and of what was
         sent, those of its beginning.
         """
-        times = np.clip(times, max(self._seen.begins, self._sums.begins), self.time)
-        sums = self._sums.at(times)
-        return self._seen.at(times)[..., 0, :], sums[..., 0, :], sums[..., 1, :]
+        return self.read_at(times), *self.led_at(times)
+
+    def read_at(self, times: FloatArray) -> FloatArray:
+        """Return the q of `at` alone."""
+        return self._seen.at(self._kept(times))[..., 0, :]
+
+    def led_at(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the S and D of `at` alone."""
+        sums = self._sums.at(self._kept(times))
+        return sums[..., 0, :], sums[..., 1, :]
 
     def expected(self, times: FloatArray) -> FloatArray:
         """Return the joints (…, n) [rad] at times (…) [s], beyond the last reading as what was sent leads on.
@@ -99,8 +106,14 @@ class MotionHistory:
         """
         last = self.time
         beyond = np.maximum(times - last, 0.0)
-        ahead: FloatArray = self.at(times)[0] + self.at(np.array(last))[1] - self.at(last - beyond)[1]
+        until, since = self.led_at(np.array(last))[0], self.led_at(last - beyond)[0]
+        ahead: FloatArray = self.read_at(times) + until - since
         return ahead
+
+    def _kept(self, times: FloatArray) -> FloatArray:
+        """Return the nearest times (…) [s] of which everything is known."""
+        kept: FloatArray = np.minimum(np.maximum(times, max(self._seen.begins, self._sums.begins)), self.time)
+        return kept
 
     def _add_up(self, time: float) -> None:
         """Lead S and D on to a time [s] that is not before the newest."""
@@ -108,8 +121,9 @@ class MotionHistory:
         if elapsed <= 0.0:
             return
         change = elapsed * self._acceleration
-        self._slowest = self._slowest + np.clip(self._velocities - self._slowest, -change, change)
-        self._sums.add(time, self._sums.last + elapsed * np.stack([self._velocities, self._slowest]))
+        wanted = self._velocities - self._slowest
+        self._slowest = self._slowest + np.minimum(np.maximum(wanted, -change), change)  # clip takes longer
+        self._sums.add(time, self._sums.last + elapsed * np.array([self._velocities, self._slowest]))
 
 
 class _Samples:
@@ -156,12 +170,17 @@ class _Samples:
 
     def at(self, times: FloatArray) -> FloatArray:
         """Return them (…, m, n) at times (…) [s]."""
-        known = self._times[: self._count]
-        after = np.searchsorted(known, times).clip(1, max(self._count - 1, 1))
-        before = after - 1
+        known, rows = self._times[: self._count], self._rows
         if self._count == 1:
-            after = before
-        gap = known[after] - known[before]
-        share = np.clip((times - known[before]) / np.where(gap > 0.0, gap, 1.0), 0.0, 1.0)[..., None, None]
-        rows: FloatArray = (1.0 - share) * self._rows[before] + share * self._rows[after]
-        return rows
+            return np.broadcast_to(rows[0], (*np.shape(times), *rows.shape[1:])).copy()
+        if np.ndim(times) == 0:  # by far the most often
+            k = min(max(int(known.searchsorted(times)), 1), self._count - 1)
+            part = float(times - known[k - 1]) / float(known[k] - known[k - 1])
+            part = min(max(part, 0.0), 1.0)
+            row: FloatArray = (1.0 - part) * rows[k - 1] + part * rows[k]
+            return row
+        after = np.minimum(np.maximum(known.searchsorted(times), 1), self._count - 1)
+        begin = known[after - 1]
+        share = np.minimum(np.maximum((times - begin) / (known[after] - begin), 0.0), 1.0)[..., None, None]
+        found: FloatArray = (1.0 - share) * rows[after - 1] + share * rows[after]
+        return found

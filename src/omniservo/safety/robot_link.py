@@ -19,7 +19,7 @@ from omniservo.errors import (
     StaleJoints,
     spelled,
 )
-from omniservo.geometry.arrays import FloatArray
+from omniservo.geometry.arrays import FloatArray, all_finite
 from omniservo.robots import ArmDriver, ArmMode, CameraImage, CameraSource, RobotState
 
 _ROUNDING = 1e-9
@@ -208,11 +208,12 @@ def refuse_unready(state: RobotState) -> None:
         ProtectiveStop: its controller stopped it.
         NotInControl: something else commands it, or nothing does; with the controller's reason.
     """
+    if state.mode is ArmMode.READY:
+        return
     if state.mode in (ArmMode.PROTECTIVE_STOP, ArmMode.EMERGENCY_STOP):
         raise ProtectiveStop(f"the arm's controller reports: {state.mode.replace('_', ' ')}")
-    if state.mode is not ArmMode.READY:
-        why = f": {state.mode_reason}" if state.mode_reason else ""
-        raise NotInControl(f"the arm's controller takes no commands from this program{why}")
+    why = f": {state.mode_reason}" if state.mode_reason else ""
+    raise NotInControl(f"the arm's controller takes no commands from this program{why}")
 
 
 def _answered(name: str, call: Callable[[], T]) -> T:
@@ -240,14 +241,16 @@ def checked_state(state: RobotState, dof: int) -> RobotState:
     if not math.isfinite(time):
         raise NotFinite(f"the robot reports time {[time]}")
     for name, value in (("joint_positions", positions), ("joint_velocities", velocities)):
-        if not np.isfinite(value).all():
+        if not all_finite(value):
             raise NotFinite(f"the robot reports {name} {value.tolist()}")
     if positions.shape != (dof,) or velocities.shape != (dof,):
         raise InvalidData(
             f"the robot reports joint positions {positions.shape} and velocities {velocities.shape}; "
             f"the arm has {dof} joints"
         )
-    if state.mode not in tuple(ArmMode):
-        legal = ", ".join(ArmMode)
-        raise InvalidData(f"the robot reports the mode {spelled(state.mode)}; legal: {legal}")
-    return RobotState(time, positions, velocities, ArmMode(state.mode), state.mode_reason)
+    mode = state.mode
+    if not isinstance(mode, ArmMode):
+        if mode not in tuple(ArmMode):
+            raise InvalidData(f"the robot reports the mode {spelled(mode)}; legal: {', '.join(ArmMode)}")
+        mode = ArmMode(mode)
+    return RobotState(time, positions, velocities, mode, state.mode_reason)

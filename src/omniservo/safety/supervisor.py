@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -25,7 +26,7 @@ from omniservo.errors import (
     spelled,
 )
 from omniservo.field_docs import with_field_docs
-from omniservo.geometry.arrays import FloatArray, finite_array, frozen
+from omniservo.geometry.arrays import FloatArray, all_finite, finite_array, frozen
 from omniservo.robots import Arm, ArmDriver, ArmMode, CameraImage, CameraSource, RobotState
 from omniservo.safety.following_watch import FollowingWatch
 from omniservo.safety.motion_history import MotionHistory
@@ -223,7 +224,7 @@ class Supervisor:
     @property
     def moving(self) -> bool:
         """Whether it was sent velocities, or is led to some."""
-        return bool(self._sent.any() or self._target.any())
+        return bool(np.count_nonzero(self._sent) or np.count_nonzero(self._target))
 
     @property
     def sent(self) -> FloatArray:
@@ -357,7 +358,8 @@ class Supervisor:
         """Begin to lead the robot to these velocities."""
         self._target, limits = self._slowed(state, wanted)
         period = state.time - self._command_time
-        if (np.abs(self._target - self._sent) > self.arm.joint_acceleration * period).any():
+        change = np.abs(self._target - self._sent)
+        if np.count_nonzero(change > self.arm.joint_acceleration * period):
             limits = (*limits, "acceleration")
         self._command_time = state.time
         self._pass(state, self._led_on())
@@ -370,7 +372,7 @@ class Supervisor:
             raise InputError("joint_velocities: no array of numbers given") from None
         if wanted.shape != (self.arm.dof,):
             raise InputError(f"joint_velocities: shape {wanted.shape} given; ({self.arm.dof},) is needed")
-        if not np.isfinite(wanted).all():
+        if not all_finite(wanted):
             j = int(np.argmin(np.isfinite(wanted)))
             raise NotFinite(f"command for {self.arm.joint_names[j]}: {wanted[j]} rad/s; it was not sent")
         return wanted
@@ -382,9 +384,10 @@ class Supervisor:
         if within is not wanted:
             limits = ("joint_speed",)
         twist = self.arm.camera_jacobian(state.joint_positions, self.flange_T_camera) @ within
-        speeds = np.array([np.linalg.norm(twist[:3]), np.linalg.norm(twist[3:])])
-        bounds = np.array([self.options.max_linear_speed, self.options.max_angular_speed])
-        excess = float((speeds / bounds).max())
+        excess = max(
+            math.hypot(*twist[:3]) / self.options.max_linear_speed,
+            math.hypot(*twist[3:]) / self.options.max_angular_speed,
+        )
         return (within / excess, (*limits, "twist")) if excess > 1.0 else (within, limits)
 
     def _led_on(self) -> FloatArray:
@@ -394,18 +397,18 @@ class Supervisor:
 
     def _pass(self, state: RobotState, velocities: FloatArray) -> None:
         """Send velocities, unless the robot could not be braked in time after them."""
-        moving = self._sent.any()
+        moving = np.count_nonzero(self._sent)  # any() takes several times as long
         if moving and state.time - self._seen_time > self.options.reaction:
             raise SlowLoop(
                 f"the moving robot was not looked at for {state.time - self._seen_time:.3f} s; "
                 f"at most {self.options.reaction:g} s is allowed"
             )
         self._link.refuse_old(state, self.options.joint_age)
-        if self._target.any():  # to rest it may be led without images
+        if np.count_nonzero(self._target):  # to rest it may be led without images
             self._refuse_stale(state)
         self._stoppable.check(state, velocities)
         self._following.check(self.history)
-        if not np.isfinite(velocities).all():  # whatever went wrong on the way here
+        if not all_finite(velocities):  # whatever went wrong on the way here
             raise NotFinite(f"the command {velocities.tolist()} rad/s; it was not sent")
         self._link.refuse_old(state, self.options.joint_age)  # this process may have slept on the way here
         self._seen_time = state.time

@@ -151,7 +151,7 @@ class SimulatedRobot:
             InputError: wrong shape, NaN or infinity.
         """
         wanted = finite_array("joint_velocities", joint_velocities, (self._scene.arm.dof,))
-        excess = float((np.abs(wanted) / self._scene.arm.joint_speed).max())
+        excess = max((np.abs(wanted) / self._scene.arm.joint_speed).tolist())
         self._command = wanted / max(excess, 1.0)
 
     def stop(self) -> None:
