@@ -15,8 +15,10 @@ demo: $(STAMP)
 	$(BIN)/omniservo run paper-example-1 --out runs/paper-example-1 --force
 	@echo "open runs/paper-example-1/report.html"
 
-# Three workers on two cores: tests of processes and lines mostly wait.
+# Three workers on two cores: tests of processes and lines mostly wait. What they all need is compiled before:
+# beginning at once, each of them would compile it for itself.
 test: $(STAMP)
+	$(BIN)/omniservo warm-up
 	$(BIN)/python -m pytest -n 3 --dist worksteal
 
 check: $(STAMP)
