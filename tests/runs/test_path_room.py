@@ -22,9 +22,13 @@ PUSH, BEGIN, TAKES = np.array([0.0, 0.0, 0.09]), 0.3, 2.0
 class PushedTarget(DrawingRobot):
     """The target is pushed away while the arm moves."""
 
+    _shown = BEGIN
+    """[s] when the image was exposed in which it was pushed last"""
+
     def image(self):
         exposure, scene = self.newest_exposure(), self.world.scene
-        if exposure is not None and exposure.time > BEGIN:
+        if exposure is not None and exposure.time > self._shown:
+            self._shown = exposure.time
             share = min((exposure.time - BEGIN) / TAKES, 1.0)
             by = scene.world_T_camera(scene.start_joints).rotation.apply(share * PUSH)
             self._dots = ProjectedDots(
