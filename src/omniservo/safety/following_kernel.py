@@ -13,7 +13,7 @@ def explained(
     """Return the least and the most that drives turn joints by, (windows, gains, cells, n) [rad].
 
     Args:
-        fast: (windows, drives, n) what joints are asked to turn by over a window, by S [rad].
+        fast: (windows, drives, n) what joints were sent to turn by over a window, by S [rad].
         slow: by D, likewise.
         corners: (4, cells) the drives that bound each cell of the grid.
         least: (gains,) the least gain of each range.
