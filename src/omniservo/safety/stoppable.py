@@ -89,13 +89,16 @@ class Stoppable:
         box_R_base = self._box_T_base[:, :3]
         base_T_camera = base_T_flange @ self._flange_T_camera
         along = box_R_base @ base_T_camera[:, :3] @ (self._to_camera @ jacobian)
-        ways = along * stopping_distance(velocities, self._arm.joint_acceleration, 0.0)
         centre = box_R_base @ base_T_camera[:, 3] + self._box_T_base[:, 3]
         speed = along @ velocities
-        # Braking, the joints do not come to rest together: on the way only some may have moved.
-        reached = centre + speed * self._options.reaction
-        lowest = reached + np.minimum(ways, 0.0).sum(axis=1)
-        highest = reached + np.maximum(ways, 0.0).sum(axis=1)
+        # What was commanded, and what turns on faster than that. Braking, the joints do not come to rest
+        # together: on the way only some may have moved.
+        both = np.stack([velocities, state.joint_velocities])
+        turns = stopping_distance(both, self._arm.joint_acceleration, 0.0)
+        ways = along[:, None] * turns  # (3, 2, n)
+        reached = centre[:, None] + along @ both.T * self._options.reaction
+        lowest = reached.min(axis=1) + np.minimum(ways, 0.0).min(axis=1).sum(axis=1)
+        highest = reached.max(axis=1) + np.maximum(ways, 0.0).max(axis=1).sum(axis=1)
         leaving = ((speed < 0.0) & (lowest < box[0])) | ((speed > 0.0) & (highest > box[1]))
         if np.count_nonzero(leaving):
             i = int(np.argmax(leaving))
