@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from omniservo.cameras import preset
 from omniservo.estimation import estimate_two_view
+from omniservo.estimation.status.evidence import _bent_to, _in_band
 
 TURN = Rotation.from_rotvec([0.1, -0.3, 0.2])
 SHIFT = np.array([0.15, -0.05, 0.1])
@@ -130,3 +131,18 @@ def test_wrong_matches_do_not_choose_between_the_two_motions_of_a_plane(fisheye,
     assert np.linalg.norm(goal[:k] - scene.pixels_goal[:k], axis=1).min() > 1.0
     found = estimate_two_view(fisheye, initial, goal, noise=noise)
     assert found.status == "planar_points", found.message
+
+
+def test_the_chance_that_wrong_matches_agree_is_no_less_than_the_exact_one():
+    """Exact: every match's own chance, convolved. Where all are as far it is that."""
+    for apart, k in ((np.array([3.0, 5.0, 8.0, 20.0, 90.0]), 5), (np.full(6, 12.0), 4), (np.full(9, 4.0), 8)):
+        chances = 2.0 / np.pi * np.arcsin(1.0 / apart)
+        law = np.ones(1)
+        for p in chances:
+            law = np.convolve(law, [1.0 - p, p])
+        exact = math.comb(len(apart) + 2, 2) * law[k - 2 :].sum()
+        found = _bent_to(k, len(apart) + 2, _in_band(np.append(apart, [500.0, 90.0]), 1.0))
+        assert found >= exact * (1.0 - 1e-12)
+        if np.ptp(apart) == 0.0:
+            assert found == pytest.approx(exact)
+    assert _bent_to(2, 3, _in_band(np.full(3, 100.0), 1.0)) == 1.0

@@ -17,14 +17,15 @@ For a plane σ² grows by (0.05 px)²: the errors of features of one plane seen 
 side, as parallax is, and do not average out.
 
 Wrong matches can pretend parallax: a motion that a plane (a rotation, nothing) leaves half free bends to a
-few of them. So where nearly all matches obey a simpler model, k of the m that are far from it agree with the
-motion, and the model explains the members without those as well, the motion stands only if chance does not
-explain that: P(K ≥ k) C(m, 2) P(X ≥ k − 2) < 10⁻³.
+few of them. So where nearly all matches obey a simpler model, k of the m others agree with the motion, and
+the model explains the members without those as well, the motion stands only if chance does not explain that:
+C(m, 2) P(X ≥ k − 2) < 10⁻³, X binomial, those of m − 2 in the epipolar band; two of them can always be had.
 
-- K is binomial, the wrong ones among the members where the share of wrong matches is that among all.
-- X is binomial, those of m − 2 in the epipolar band; two of them can always be had. A match that is r [px]
-  off the simpler model, in any direction, lies in the band of half width g with the chance (2/π) asin(g/r).
-  X has the mean of those, without the two farthest: its tail is no thinner than theirs (Hoeffding 1956).
+- Of all that disobey the model: wrong matches lie anywhere in the image, and (f/(1 − f))ᵏ is a factor, f the
+  share of wrong matches, since little relief does as well.
+- Of those `FAR` from the model, which little relief does not explain: r [px] off it in any direction, a match
+  lies in the band of half width g with the chance (2/π) asin(g/r). X has the mean of those, without the two
+  farthest: its tail is no thinner than theirs (Hoeffding 1956).
 
 Whether the matches come from this camera and from one rigid scene: `camera_evidence`; whether they are found
 well enough: `heavy_tails`.
@@ -79,7 +80,7 @@ SIMPLER: tuple[tuple[int, int, Status, str], ...] = (
 """(map, parameters, status, words), from the simplest."""
 
 FAR = 3.0
-"""[gates] from a simpler model: nearer, a match is off by little relief rather than wrong"""
+"""[gates] from a simpler model, that little relief does not explain"""
 
 NEARLY_AS_LIKELY = 2.0 / 3.0
 """A rival minimum makes the answer ambiguous where its likelihood is at least this part of the best one's.
@@ -195,30 +196,36 @@ def _fisher(extra: int, freedom: int, chance: float) -> float:
 def _bulk_model(fit: TwoViewFit, matches: Matches, variance: float) -> tuple[Status, str] | None:
     """Return the simplest model that nearly all matches obey, where the others may be wrong matches."""
     n, inside = matches.size, int(np.count_nonzero(fit.members))
-    gate = GATE * math.sqrt(variance + SHARED_PX**2)
-    wrong = (n - inside + 1) / (n + 2)
+    gate, wrong = GATE * math.sqrt(variance + SHARED_PX**2), (n - inside + 1) / (n + 2)
+    extent = max(math.hypot(*np.ptp(matches.pixels[:, 2:], axis=0)), 1.0)
     for (*_, status, words), apart in zip(SIMPLER, bulk_maps(matches, fit.members, gate), strict=True):
-        far = ~(apart < FAR * gate)
-        m, k = int(np.count_nonzero(far)), int(np.count_nonzero(far & fit.members))
-        if k == inside:
-            continue
-        chance = float(bdtrc(k - 1, inside, wrong)) if k > 2 else 1.0
-        if chance * _bent_to(k, np.sort(apart[far])[:-2], gate) <= SIGNIFICANCE:
-            continue
-        rest = matches.where(fit.members & ~far)
-        found = simpler_model(rest, variance, fit.cost * rest.size / inside)
-        if found is not None and found[0] == status:
-            return status, f"{words} (the {m} of {n} matches that disagree may be wrong)"
+        for reach in (1.0, FAR):
+            off = ~(apart < reach * gate)
+            m, k = int(np.count_nonzero(off)), int(np.count_nonzero(off & fit.members))
+            if k == inside:
+                continue
+            if reach < FAR:
+                chance = (wrong / (1.0 - wrong)) ** k * _bent_to(k, m, min(1.0, 4.0 * gate / extent))
+            else:
+                chance = _bent_to(k, m, _in_band(apart[off], gate))
+            if chance <= SIGNIFICANCE:
+                continue
+            rest = matches.where(fit.members & ~off)
+            found = simpler_model(rest, variance, fit.cost * rest.size / inside)
+            if found is not None and found[0] == status:
+                return status, f"{words} (the {m} of {n} matches that disagree may be wrong)"
     return None
 
 
-def _bent_to(k: int, apart: FloatArray, gate: float) -> float:
-    """Return the chance that a motion bends to ``k`` wrong matches, of two and those ``apart`` [px]."""
-    if k <= 2:
-        return 1.0
-    others = len(apart)
-    band = float(np.mean(np.arcsin(np.minimum(gate / apart, 1.0)))) * 2.0 / math.pi
-    return math.comb(others + 2, 2) * float(bdtrc(k - 3, others, band))
+def _bent_to(k: int, m: int, band: float) -> float:
+    """Return the chance that a motion bends to ``k`` of ``m`` wrong matches: two, and others in its band."""
+    return math.comb(m, 2) * float(bdtrc(k - 3, m - 2, band)) if k > 2 else 1.0
+
+
+def _in_band(apart: FloatArray, gate: float) -> float:
+    """Return the chance of those ``apart`` [px] from a model to be in a band, without the two farthest."""
+    nearest = np.sort(apart)[:-2]
+    return 2.0 / math.pi * float(np.mean(np.arcsin(gate / nearest))) if len(nearest) else 1.0
 
 
 def _rival(fit: TwoViewFit, members: Matches, variance: float) -> tuple[Status, str] | None:
