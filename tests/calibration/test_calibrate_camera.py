@@ -59,6 +59,14 @@ def test_exact_corners_of_a_distorted_lens_give_its_rays_and_auto_takes_distorti
     assert np.linalg.norm(error, axis=1).max() < found.deviation_px < 1.5
 
 
+def test_a_target_far_from_the_origin_of_its_frame_gives_the_same_camera_and_its_own_poses(drawn, clean):
+    away = np.array([1000.0, -2000.0, 500.0])
+    found = calibrate_camera(drawn[0], [points + away for points in drawn[1]], SIZE, distortion="none")
+    assert found.status == "ok", found.message
+    np.testing.assert_allclose(values(found.camera), values(clean.camera), rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(found.poses[0].apply(away), clean.poses[0].apply([0.0, 0.0, 0.0]), atol=1e-6)
+
+
 def test_without_distortion_auto_stays_with_the_plain_model_and_gives_the_numbers(drawn):
     found = calibrate_camera(*drawn, SIZE)
     assert found.distortion == "none"

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial.transform import RigidTransform
 
 from omniservo.calibration.adjustment.calibration import Calibration, failed, timed
 from omniservo.calibration.adjustment.conclude import Fit, conclude, lens_of
@@ -93,11 +95,16 @@ def calibrate_camera(
         raise InputError(f"distortion: {spelled(distortion)} given; legal: 'auto', 'none', 'radtan'")
     _check_camera(camera, size)
     views, useless = read_views(image_points, object_points, size)
+    centred, middles = views.centred()  # about an origin far off a pose's turn and shift are alike
     try:
-        result = _calibrate(views, useless, size, distortion, camera)
+        result = _calibrate(centred, useless, size, distortion, camera)
     except np.linalg.LinAlgError as error:  # a singular system anywhere: the corners determine no camera
         message = f"not_converged: the corners determine no camera ({error})"
         result = failed("not_converged", message, useless, 0.0)
+    to_middle = {
+        int(n): RigidTransform.from_translation(-m) for n, m in zip(views.numbers, middles, strict=True)
+    }
+    result = replace(result, poses={n: pose * to_middle[n] for n, pose in result.poses.items()})
     return timed(result, time.perf_counter() - began)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -49,6 +49,12 @@ class Views:
     def rows(self, view: int) -> slice:
         """Return the rows of a view."""
         return slice(int(self.ends[view]), int(self.ends[view + 1]))
+
+    def centred(self) -> tuple[Views, FloatArray]:
+        """Return the views with each target moved to its corners' middle, and the middles (V, 3) [m]."""
+        parts = [self.points[self.rows(i)].mean(axis=0) for i in range(self.count)]
+        middles = np.array(parts).reshape(-1, 3)
+        return replace(self, points=self.points - middles[self.row_view]), middles
 
     def some(self, chosen: IntArray | Sequence[int]) -> Views:
         """Return the ``chosen`` views alone."""
