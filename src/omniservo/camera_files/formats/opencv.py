@@ -43,6 +43,9 @@ _DISTORTION = (
     "distortion",
     "dist",
 )
+_MEANT = re.compile("^dist|radial|tangential|coef")
+_SINGLE = ("k1", "k2", "k3", "p1", "p2")
+"""numbers one by one, which are not read beside K"""
 _SAYS = ("distortionmodel", "cameramodel", "model", "modeltype", "cameratype", "projection")
 _FISHEYE, _PINHOLE = (
     ("fisheye", "equidistant", "kannala"),
@@ -153,7 +156,8 @@ def _distortion(file: CalibrationFile, held: Mapping[str, Any], root: FieldPath,
     endings = _matrices(held)
     for name, value in held.items() if place is None else ():
         plain = _plain(name)
-        if plain in _DISTORTION or (plain.startswith("dist") and isinstance(value, Mapping | list)):
+        meant = _MEANT.search(plain) if isinstance(value, Mapping | list) else plain in _SINGLE
+        if plain in _DISTORTION or meant:
             match = _SUFFIX.fullmatch(plain)
             if not (match and match[1] in _DISTORTION and match[2] in endings):
                 legal = ", ".join(
