@@ -310,3 +310,10 @@ def test_the_same_camera_in_two_formats_is_equal(shared_data):
     left = load_camera(folder / "mei_yaml/HKUST-Aerial-Robotics_D2SLAM__left.yaml")
     chain = folder / "kalibr/HKUST-Aerial-Robotics_D2SLAM__camchain-imucam-imucalib.yaml"
     assert load_camera(chain, name="cam0") == left
+
+
+def test_a_name_that_two_cameras_of_a_file_have_is_refused(tmp_path):
+    path = tmp_path / "cameras.txt"
+    path.write_text("1 PINHOLE 640 480 500 500 320 240\n1 PINHOLE 640 480 900 900 320 240\n")
+    with pytest.raises(InputError, match="cameras.txt: 2 cameras named '1'; legal: a name of its own each"):
+        load_model(path, name="1")

@@ -169,6 +169,10 @@ def read_model(
         raise InputError(
             f"{path}: no camera named {spelled(name)}; legal: {', '.join(names)[:1000] or 'no name'}"
         )
+    if name is not None and names.count(name) > 1:
+        raise InputError(
+            f"{path}: {names.count(name)} cameras named {spelled(name)}; legal: a name of its own each"
+        )
     return seen_up_to(reader.read(file, names[0] if name is None else name), max_angle), file
 
 
