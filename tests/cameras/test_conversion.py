@@ -145,6 +145,22 @@ def test_a_fit_is_as_near_as_its_residual_says(model, bound):
     assert (camera.max_angle, camera.dead_zone) == (model.max_angle, model.dead_zone)
 
 
+@pytest.mark.parametrize(
+    "model",
+    [
+        ExtendedUnified(138.2714, 139.866, 318.4097, 188.4144, 0.743203, 0.874398, 640, 480),
+        KannalaBrandt(293.5616, 289.5201, 219.1022, 178.6351, 640, 480, k=(7.7148e-4, -8.5718e-3, 0.0, 0.0)),
+    ],
+    ids=["a ring's top between the grid's pixels", "beside a fold in the image's corner"],
+)
+def test_no_pixel_lies_farther_off_than_the_deviation_says(model):
+    camera = to_unified(model).camera
+    pixels = np.random.default_rng(8).uniform(-0.5, [639.5, 479.5], (400_000, 2))
+    rays, valid = model.unproject(pixels)
+    there, seen = camera.project(rays[valid])
+    assert np.hypot(*(there - pixels[valid])[seen].T).max() <= camera.deviation_px
+
+
 def test_a_sensor_that_is_turned_about_the_axis_is_refused_and_its_bearings_are_carried_all_the_same():
     turned = OcamPolynomial((-200.0, 0.0, 1e-3), 320.0, 240.0, 640, 480, stretch=(0.0, 1.0, -1.0))
     with pytest.raises(InputError, match="turned about the axis"):

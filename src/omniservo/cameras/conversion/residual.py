@@ -20,6 +20,9 @@ _ROUND = 720
 _WORST = 16
 _FINER = 9
 
+_HIGH, _CLIMBS = 0.8, 6
+_AROUND = np.array([[u, v] for u in (-1.0, 0.0, 1.0) for v in (-1.0, 0.0, 1.0) if u or v])
+
 
 @dataclass(frozen=True, eq=False)
 class Residual:
@@ -61,9 +64,9 @@ def used_pixels(model: CentralModel, steps: int = _GRID) -> FloatArray:
     return np.vstack([pixels[_is_used(model, pixels)], rim_pixels(model)])
 
 
-def rim_pixels(model: CentralModel) -> FloatArray:
-    """Return where the border of the domain lies inside the image, (n, 2) [px]."""
-    angle = min(model.usable_angle, math.pi - 1e-6) * (1.0 - 1e-9)
+def rim_pixels(model: CentralModel, most: float = math.pi) -> FloatArray:
+    """Return where the border of the domain, up to an angle [rad], lies inside the image, (n, 2) [px]."""
+    angle = min(model.usable_angle, most, math.pi - 1e-6) * (1.0 - 1e-9)
     around = np.linspace(0.0, 2.0 * math.pi, _ROUND, endpoint=False)
     sine = math.sin(angle)
     rays = np.column_stack([sine * np.cos(around), sine * np.sin(around), np.full(_ROUND, math.cos(angle))])
@@ -74,6 +77,8 @@ def rim_pixels(model: CentralModel) -> FloatArray:
 def measured(camera: CentralModel, model: CentralModel) -> Residual:
     """Return the residual of ``camera`` as a stand-in for ``model``."""
     pixels = used_pixels(model)
+    if camera.usable_angle < model.usable_angle:
+        pixels = np.vstack([pixels, rim_pixels(model, camera.usable_angle)])
     px, rad = _differences(camera, model, pixels)
     worst = pixels[np.argsort(np.nan_to_num(px))[-_WORST:]]
     step = np.array([model.width, model.height]) / (_GRID - 1.0)
@@ -82,12 +87,36 @@ def measured(camera: CentralModel, model: CentralModel) -> Residual:
     finer = finer[_is_used(model, finer)]
     more_px, more_rad = _differences(camera, model, finer)
     pixels, px, rad = np.vstack([pixels, finer]), np.append(px, more_px), np.append(rad, more_rad)
+    top = _climbed(camera, model, pixels, px, step)
+    more_px, more_rad = _differences(camera, model, top)
+    pixels, px, rad = np.vstack([pixels, top]), np.append(px, more_px), np.append(rad, more_rad)
     largest = [float(np.nanmax(d)) if np.isfinite(d).any() else math.inf for d in (px, rad)]
     rms = math.sqrt(float(np.nanmean(px**2))) if np.isfinite(px).any() else math.inf
     field = image_grid(model, _GRID)
     rays = model.unproject(field[_is_used(model, field)])[0]
     lost = 1.0 - float(camera.project(rays)[1].mean())
     return Residual(largest[0], rms, largest[1], pixels, px, rad, lost)
+
+
+def _climbed(
+    camera: CentralModel, model: CentralModel, pixels: FloatArray, px: FloatArray, step: FloatArray
+) -> FloatArray:
+    """Return the pixel (1, 2) with the largest residual near those with nearly so large ones.
+
+    A narrow ridge, or what a rim and the image's edge enclose, lies between the grid's pixels: all that are
+    high climb to the best of eight neighbours, over steps that halve.
+    """
+    least = _HIGH * np.nanmax(px) if np.isfinite(px).any() else math.inf
+    at, height = (rows[np.nan_to_num(px) >= least] for rows in (pixels, px))
+    for k in range(_CLIMBS):
+        near = (at[:, None] + _AROUND * step * 0.5 ** (k + 1)).reshape(-1, 2)
+        reached = np.zeros(len(near))
+        used = _is_used(model, near)
+        reached[used] = np.nan_to_num(_differences(camera, model, near[used])[0])
+        best = len(_AROUND) * np.arange(len(at)) + reached.reshape(-1, len(_AROUND)).argmax(axis=1)
+        higher = reached[best] > height
+        at, height = np.where(higher[:, None], near[best], at), np.maximum(reached[best], height)
+    return at[np.argsort(height)[-1:]]
 
 
 def exact(model: CentralModel) -> Residual:
