@@ -385,7 +385,7 @@ def test_a_fisheye_whose_numbers_are_missing_is_no_pinhole(tmp_path):
 
 def test_skew_is_refused_by_formats_without_a_place_for_it(tmp_path):
     skewed = KannalaBrandt(300.0, 300.0, 320.0, 240.0, 640, 480, k=(0.0,) * 4, skew=1.0)
-    for format_name in ("colmap", "visp", "ros", "basalt", "kalibr", "camodocal"):
+    for format_name in ("colmap", "visp", "ros", "basalt", "kalibr", "camodocal", "opencv"):
         with pytest.raises(InputError, match="cannot hold skew"):
             save_camera(skewed, tmp_path / "out", format_name)
     assert not any(tmp_path.iterdir())

@@ -8,7 +8,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from omniservo.camera_files.calibration_file import lens_fields
+from omniservo.camera_files.calibration_file import lens_fields, refuse_skew
 from omniservo.cameras import UnifiedCamera
 from omniservo.cameras.models import CentralModel, KannalaBrandt, Pinhole
 from omniservo.errors import InputError
@@ -23,10 +23,12 @@ def storage_text(model: CentralModel, suffix: str) -> str:
     sample.
 
     Raises:
-        InputError: OpenCV has no such model.
+        InputError: OpenCV has no such model, or leaves skew out of it: of K it takes that for omnidir only.
     """
     if not isinstance(model, UnifiedCamera | KannalaBrandt | Pinhole):
         raise InputError(f"format 'opencv' cannot hold a {type(model).__name__}")
+    if not isinstance(model, UnifiedCamera):
+        refuse_skew(model, "opencv")
     flags = cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY
     storage = cv2.FileStorage(_SUFFIXES.get(suffix, ".yaml"), flags)
     storage.write("image_width", model.width)
