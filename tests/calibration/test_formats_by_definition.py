@@ -6,7 +6,7 @@ import struct
 
 import numpy as np
 import pytest
-from tests.calibration.format_samples import METASHAPE, NERF, REALSENSE
+from tests.calibration.format_samples import DEPTHAI, METASHAPE, NERF, REALSENSE
 
 from omniservo.camera_files import load_model
 from omniservo.cameras.models import Pinhole
@@ -166,3 +166,13 @@ def test_a_realsense_stream_that_is_printed_twice_with_other_numbers_is_refused(
     with pytest.raises(InputError, match=r"Fisheye 1-640x480: printed several times with other numbers"):
         load_model(written(tmp_path, twice), name="Fisheye 1-640x480")
     assert load_model(written(tmp_path, twice), name="Color-640x480").fy == 612.0
+
+
+def test_a_depthai_fisheye_with_more_than_four_numbers_is_refused_unless_the_rest_are_zeros(tmp_path):
+    fields = json.loads(DEPTHAI)
+    stated = fields["cameraData"][1][1]["distortionCoeff"]
+    stated[4:] = [0.5] + 9 * [0.0]
+    with pytest.raises(InputError, match=r"distortionCoeff: 14 numbers given; legal: k1 to k4, then zeros"):
+        load_model(written(tmp_path, json.dumps(fields)), name="2")
+    stated[4] = 0.0
+    assert list(load_model(written(tmp_path, json.dumps(fields)), name="2").k) == stated[:4]

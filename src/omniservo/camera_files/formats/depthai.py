@@ -41,5 +41,8 @@ def read(file: CalibrationFile, name: str) -> CentralModel:
     given |= file.image_size(sides, *at, "width")
     coefficients = file.coefficients(*at, "distortionCoeff", legal=(0, 4, 5, 8, 12, 14))
     if kind == "fisheye":
+        if any(coefficients[4:]):
+            problem = f"{len(coefficients)} numbers given; legal: k1 to k4, then zeros"
+            raise file.error(problem, *at, "distortionCoeff")
         return file.build(KannalaBrandt, *at, **given, k=coefficients[:4])
     return file.build(Pinhole, *at, **given, distortion=coefficients if any(coefficients) else ())
