@@ -61,6 +61,15 @@ def test_what_is_longer_than_images_are_is_refused(stream, words):
         list(MultipartParser(b"mark").feed(stream))
 
 
+@pytest.mark.parametrize("newline", [b"\r\n", b"\n"])
+@pytest.mark.parametrize(("stated", "sent"), [("--x", b"----x"), ("--x", b"--x"), ("x", b"--x")])
+def test_parts_without_lengths_end_at_boundaries_as_they_are_stated_or_sent(stated, sent, newline):
+    parser = MultipartParser(boundary_of(f"multipart/x-mixed-replace; boundary={stated}"))
+    part = sent + newline + b"Content-Type: image/jpeg" + 2 * newline + b"picture" + newline
+    found = [content for k in range(0, 3 * len(part), 7) for _, content in parser.feed((3 * part)[k : k + 7])]
+    assert found == [b"picture", b"picture"]
+
+
 @given(stream=st.binary(max_size=500))
 @settings(max_examples=200, deadline=None)
 def test_any_bytes_are_parts_or_refused(stream):

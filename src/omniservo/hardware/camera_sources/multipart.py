@@ -37,6 +37,8 @@ class MultipartParser:
 
     def __init__(self, boundary: bytes) -> None:
         self._mark = b"--" + boundary
+        self._between = re.compile(rb"\r?\n(?:--)?" + re.escape(self._mark))
+        """a boundary's own dashes were taken off it, and may stand in the stream or not"""
         self._bytes = bytearray()
         self._headers: dict[str, str] | None = None
         self._searched = 0
@@ -86,12 +88,13 @@ class MultipartParser:
             if len(self._bytes) < end:
                 return None
         else:
-            end = self._bytes.find(b"\r\n" + self._mark, self._searched)
-            if end < 0:
+            found = self._between.search(self._bytes, self._searched)
+            if found is None:
                 if len(self._bytes) > MOST_PART:
                     raise MultipartError(f"an image of more than {MOST_PART} bytes")
-                self._searched = max(len(self._bytes) - len(self._mark) - 2, 0)
+                self._searched = max(len(self._bytes) - len(self._mark) - 4, 0)
                 return None
+            end = found.start()
         content = bytes(self._bytes[:end])
         del self._bytes[:end]
         return content
