@@ -1,6 +1,7 @@
 """MJPEG by HTTP: our client on our server and on streams written by hand, OpenCV on our server."""
 
 import base64
+import io
 import socket
 import time
 from itertools import pairwise
@@ -9,6 +10,7 @@ from urllib.parse import urlsplit
 import cv2
 import numpy as np
 import pytest
+from PIL import ExifTags, Image
 from tests.hardware.wall_clock_arm import PATIENCE, wait_for
 from tests.hardware.wall_clock_camera import WallClockCamera, exposed, written
 
@@ -292,3 +294,13 @@ def test_jpegs_that_claim_too_many_pixels_are_not_decoded():
     assert decoded(bytes(content)) is None
     assert decoded(b"") is None
     assert decoded(jpeg(written(5))[:40]) is None
+
+
+@pytest.mark.parametrize("orientation", [3, 6])
+def test_pixels_stay_as_they_are_stored_however_a_jpeg_says_to_turn_them(orientation):
+    content, stream, exif = jpeg(written(5)), io.BytesIO(), Image.Exif()
+    exif[ExifTags.Base.Orientation] = orientation
+    Image.open(io.BytesIO(content)).save(stream, "JPEG", exif=exif, quality=95)
+    shown = decoded(stream.getvalue())
+    assert shown.shape == (48, 640)
+    np.testing.assert_allclose(shown, decoded(content).astype(float), atol=30)

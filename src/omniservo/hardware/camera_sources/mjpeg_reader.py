@@ -106,7 +106,7 @@ class MjpegReader:
 
 
 def decoded(content: bytes) -> ByteArray | None:
-    """Return the grey values of a JPEG; None where it is none, or has more pixels than are read."""
+    """Return a JPEG's grey values as they are stored; None: it is none, or has more pixels than are read."""
     try:
         with Image.open(io.BytesIO(content), formats=("JPEG",)) as picture:
             width, height = picture.size
@@ -115,7 +115,8 @@ def decoded(content: bytes) -> ByteArray | None:
     if width * height > MOST_PIXELS:
         return None
     try:
-        pixels = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_GRAYSCALE)
+        flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
+        pixels = cv2.imdecode(np.frombuffer(content, np.uint8), flags)
     except cv2.error:
         return None
     return None if pixels is None else np.asarray(pixels, dtype=np.uint8)
