@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import zstandard
 
-from omniservo.errors import InputError
+from omniservo.errors import InputError, NotWritten
 from omniservo.recording import Attachment, Parameters, Recorded, RecordedRun, RunRecording
 from omniservo.recording.recorded_messages import (
     FramesMessage,
@@ -341,3 +341,21 @@ def test_messages_of_a_long_path_fit(tmp_path):
         recording.write("/omniservo/step", StepMessage(), 0.0)
     assert len(list(RecordedRun(tmp_path / "p.mcap"))) == 5
     assert Path(tmp_path / "p.unfinished.mcap").exists() is False
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full")
+def test_a_full_disk_is_named_whatever_is_written_and_leaves_nothing_once_discarded(tmp_path):
+    random = np.random.default_rng(0)
+    writes = {
+        "attach": lambda recording: recording.attach("plan", "text/plain", random.bytes(10**6)),
+        "write": lambda recording: recording.write("/camera/image", image(1, 1000, 1000), 0.0),
+        "parameters": lambda recording: recording.parameters({"task": random.bytes(10**5).hex()}),
+    }
+    for name, write in writes.items():
+        unfinished = tmp_path / f"{name}.unfinished.mcap"
+        unfinished.symlink_to("/dev/full")
+        recording = RunRecording(tmp_path / f"{name}.mcap")
+        with pytest.raises(NotWritten, match=f"{unfinished}: No space left on device"):
+            write(recording)
+        recording.discard()
+        assert not list(tmp_path.iterdir())

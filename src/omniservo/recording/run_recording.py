@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -81,15 +82,15 @@ class RunRecording:
 
     def parameters(self, values: Mapping[str, str]) -> None:
         """Note what was run, under the name `PARAMETERS`; the format's version is added."""
-        self._writer.flush()
-        self._writer.add_metadata(PARAMETERS, {"format": FORMAT, **values})
-        self._flush()
+        with self._writing():
+            self._writer.flush()
+            self._writer.add_metadata(PARAMETERS, {"format": FORMAT, **values})
 
     def note_dropped(self, images: int) -> None:
         """Note, under the name `DROPPED`, that so many images are missing here."""
-        self._writer.flush()
-        self._writer.add_metadata(DROPPED, {"images": str(images)})
-        self._flush()
+        with self._writing():
+            self._writer.flush()
+            self._writer.add_metadata(DROPPED, {"images": str(images)})
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
         """Put a file in, at the time of the last message.
@@ -99,9 +100,9 @@ class RunRecording:
             media_type: such as "application/json".
             data: what it holds.
         """
-        self._writer.flush()
-        self._writer.add_attachment(0, self._time, name, media_type, data)
-        self._flush()
+        with self._writing():
+            self._writer.flush()
+            self._writer.add_attachment(0, self._time, name, media_type, data)
 
     def write(self, topic: str, message: RosMessage, time: float, *, stamp: float | None = None) -> None:
         """Add a message.
@@ -122,8 +123,8 @@ class RunRecording:
         if topic not in self._channels:
             self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schema(TYPES[topic]))
         self._time = nanoseconds(time)
-        self._writer.add_message(self._channels[topic], self._time, data, nanoseconds(stamp))
-        self._flush()
+        with self._writing():
+            self._writer.add_message(self._channels[topic], self._time, data, nanoseconds(stamp))
 
     def settle(self) -> RecordedAs:
         """Have written what was given so far, and say how much of it was."""
@@ -148,7 +149,8 @@ class RunRecording:
 
     def discard(self) -> None:
         """Remove what was written; nothing is left."""
-        self._stream.close()
+        with suppress(OSError):  # of what a full disk did not take
+            self._stream.close()
         self.unfinished.unlink(missing_ok=True)
 
     def __enter__(self) -> RunRecording:
@@ -167,9 +169,11 @@ class RunRecording:
             self._schemas[kind] = self._writer.register_schema(kind.ros_type, "ros2msg", text)
         return self._schemas[kind]
 
-    def _flush(self) -> None:
-        """Give the operating system what is compressed by now: it outlives the process."""
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        """Give the operating system what is compressed by then: it outlives the process."""
         try:
+            yield
             self._stream.flush()
         except OSError as error:
             raise NotWritten(self.unfinished, error.strerror or str(error)) from None
