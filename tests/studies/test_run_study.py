@@ -211,6 +211,22 @@ def test_a_folder_in_use_and_a_folder_of_something_else_are_refused(study, tmp_p
         run_study(study, tmp_path / "full", workers=1)
 
 
+def test_a_study_whose_header_met_a_full_disk_begins_again_in_its_folder(study, tmp_path, monkeypatch):
+    def full(path, *given, **named):
+        raise NotWritten(path, "No space left on device")
+
+    with monkeypatch.context() as disk:
+        disk.setattr("omniservo.studies.study_folder.write_whole", full)
+        with pytest.raises(NotWritten):
+            run_study(study, tmp_path / "rows", workers=1)
+
+    def begun(stage, share):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        run_study(study, tmp_path / "rows", workers=1, progress=begun)
+
+
 @pytest.mark.parametrize("machines", ["5", '["x"]', '[{"cpu": []}]', '[{"cpu": 5}]'])
 def test_a_header_s_machines_that_are_none_are_refused(undisturbed, tmp_path, machines):
     folder = copied(undisturbed, tmp_path / "rows")

@@ -21,6 +21,8 @@ from omniservo.tasks.task_files import TaskFiles
 
 FORMAT = "omniservo.study-run/1"
 HEADER = "study.json"
+_LOCK = ".lock"
+"""what is left alone of a study that ended before its header was written"""
 _LONGEST_NAME = 200
 _LIBRARIES = ("numpy", "scipy", "numba")
 
@@ -103,10 +105,11 @@ def opened_folder(study: Study, version: str, folder: Path) -> Iterator[None]:
         InputError: it holds something else, another process works in it, or it cannot be written.
     """
     try:
-        if folder.is_dir() and not (folder / HEADER).exists() and any(folder.iterdir()):
+        others = folder.is_dir() and any(path.name != _LOCK for path in folder.iterdir())
+        if others and not (folder / HEADER).exists():
             raise InputError(f"{folder}: exists, and is not a study's folder")
         folder.mkdir(parents=True, exist_ok=True)
-        lock = (folder / ".lock").open("w")
+        lock = (folder / _LOCK).open("w")
     except OSError as error:
         raise NotWritten(folder, error.strerror or str(error)) from None
     with lock:
