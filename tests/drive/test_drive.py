@@ -118,6 +118,12 @@ def test_it_listens_is_armed_moves_and_brakes(opened, tmp_path):
     assert np.abs(closed[2]).max() < 0.2  # the drives' own lag behind the last zero
 
 
+def test_a_file_of_the_working_folder_is_no_part_of_the_drive_process(opened, tmp_path, monkeypatch):
+    (tmp_path / "pickle.py").write_text("raise RuntimeError('not yours')")
+    monkeypatch.chdir(tmp_path)
+    assert opened().status.phase is Phase.LISTENING
+
+
 def test_an_arm_that_does_not_stand_by_zeros_is_not_armed(opened, tmp_path):
     (tmp_path / "fault").write_text("second_commander")
     client = opened(patience=20.0)

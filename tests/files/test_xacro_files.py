@@ -64,6 +64,13 @@ def test_an_expanded_arm_is_the_arm_that_its_author_meant(capsys, tmp_path):
     assert (expanded.base_T_flange(q).as_matrix() == same.base_T_flange(q).as_matrix()).all()
 
 
+def test_a_file_of_the_working_folder_is_not_taken_for_a_module(tmp_path, monkeypatch):
+    file = package(tmp_path) / "urdf" / "arm.urdf.xacro"
+    (tmp_path / "json.py").write_text("raise RuntimeError('not yours')")
+    monkeypatch.chdir(tmp_path)
+    assert "0.04" in expand_xacro(file, {"width": "1"})
+
+
 def test_a_mesh_that_was_found_stays_in_its_package(tmp_path):
     root = package(tmp_path)
     file = root / "urdf" / "arm.urdf.xacro"

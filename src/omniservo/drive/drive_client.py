@@ -414,7 +414,7 @@ def _started(setup: DriveSetup) -> tuple[socket.socket, subprocess.Popen[bytes]]
     paths = os.pathsep.join(path or os.getcwd() for path in sys.path)
     with theirs:
         process = subprocess.Popen(  # noqa: S603 - this interpreter, this package
-            [sys.executable, "-m", "omniservo.drive.main", str(theirs.fileno())],
+            [sys.executable, "-P", "-m", "omniservo.drive.main", str(theirs.fileno())],
             stdin=subprocess.PIPE,
             pass_fds=[theirs.fileno()],
             env=os.environ | {"PYTHONPATH": paths},

@@ -62,7 +62,7 @@ def expand_xacro(
     asked = {"file": str(file.resolve()), "arguments": dict(arguments or {}), "packages": stated}
     try:
         done = subprocess.run(
-            [sys.executable, "-m", "omniservo.files.xacro_files"],
+            [sys.executable, "-P", "-m", "omniservo.files.xacro_files"],
             input=json.dumps(asked), capture_output=True, text=True, timeout=_MOST_SECONDS, check=False,
         )  # fmt: skip
     except subprocess.TimeoutExpired:

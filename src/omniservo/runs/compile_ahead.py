@@ -34,7 +34,10 @@ def compiling_ahead() -> Iterator[subprocess.Popen[bytes] | None]:
         return
     nowhere = subprocess.DEVNULL
     with subprocess.Popen(
-        [sys.executable, "-m", "omniservo.runs.compile_ahead"], stdin=nowhere, stdout=nowhere, stderr=nowhere
+        [sys.executable, "-P", "-m", "omniservo.runs.compile_ahead"],
+        stdin=nowhere,
+        stdout=nowhere,
+        stderr=nowhere,
     ) as child:
         try:
             yield child
