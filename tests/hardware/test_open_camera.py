@@ -64,6 +64,19 @@ def test_a_folders_stamps_count(folder):
             assert found[1] - found[number] == pytest.approx(7.3 - stamp)
 
 
+def test_stamps_that_an_editor_marked_as_utf_8_count(folder):
+    (folder / "stamps.txt").write_text("3.png 7.0\n0.png 7.25\n", encoding="utf-8-sig")
+    camera = open_camera(f"folder:{folder}")
+    assert camera.image().pixels.shape == (48, 640)
+    camera.close()
+
+
+def test_a_device_that_is_no_camera_is_one_message_and_opencv_writes_none(capfd):
+    with pytest.raises(InputError, match="^/dev/null: cannot be opened"):
+        open_camera("/dev/null")
+    assert capfd.readouterr() == ("", "")
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [

@@ -82,7 +82,7 @@ def stamped_images(folder: Path) -> list[tuple[Path, float]]:
             f"{folder}: no {STAMPS} (lines: NAME SECONDS); or state a rate: folder:{folder}?rate=30"
         )
     images: list[tuple[Path, float]] = []
-    text = read_bytes(stamps, max_bytes=_MOST_STAMPS).decode("utf-8", "replace")
+    text = read_bytes(stamps, max_bytes=_MOST_STAMPS).decode("utf-8-sig", "replace")
     for number, line in enumerate(text.splitlines(), 1):
         name, _, seconds = line.partition("#")[0].strip().rpartition(" ")
         if not (name or seconds):

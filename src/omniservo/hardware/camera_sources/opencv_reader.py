@@ -62,7 +62,8 @@ class OpencvReader:
             device = Path(f"/dev/video{source}" if isinstance(source, int) else source)
             if not device.exists():
                 raise FrameLoss(f"there is no {device}")
-            self._capture = cv2.VideoCapture(str(device), cv2.CAP_V4L2)
+            with _opening():
+                self._capture = cv2.VideoCapture(str(device), cv2.CAP_V4L2)
             self._capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)
         if not self._capture.isOpened():
             raise FrameLoss("cannot be opened: nobody there, in use, or no format that OpenCV reads")
