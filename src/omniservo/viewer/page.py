@@ -154,7 +154,7 @@ class Page:
         def take_it() -> None:
             if self._watched is not None and viewed.watched is not self._watched:
                 self._watched.close()
-                self.playback.follow(None)
+            self.playback.follow(None)
             with self.playback.moving:
                 self.server.scene.reset()
                 self._take(viewed)
@@ -298,19 +298,20 @@ class Page:
             self._serving.release()
 
     def _do_job(self) -> None:
-        situation, stage = self.situation, ""
+        situation, stage, nodes = self.situation, "", self.nodes  # other nodes: something else was opened
         task = edited_task(situation)
 
         def progress(now: str, done: float) -> None:
             nonlocal stage
             stage = now
-            if now == "following the path":
+            if now == "following the path" and self.nodes is nodes:
                 self.shown.w.value = round(min(done, 1.0), 3)
             self.shown.job.content = job_html(f"servo: {now}")
 
         def watch(moment: Moment) -> None:
             self.shown.job.content = job_html(f"servo: {stage}; {moment.words}; {moment.time:.2f} s")
-            self.playback.follow(moment)
+            if self.nodes is nodes:
+                self.playback.follow(moment)
 
         try:
             result = servo_live(task, watch, progress)
@@ -321,8 +322,9 @@ class Page:
             self.playback.follow(None)
         run = executed_of(result, situation.world_T_initial)
         self.shown.job.content = job_html(f"servo: {'stopped before a step' if run is None else run.ended}")
-        self.playback.take_run(run)
-        self.playback.show()
+        if self.nodes is nodes:
+            self.playback.take_run(run)
+            self.playback.show()
 
     def replay(self) -> str:
         """Return the page as a file that opens without Python. For a thread of its own.
