@@ -83,6 +83,22 @@ def test_every_rate_is_kept_by_finite_differences_of_the_camera(name):
     assert held > 20
 
 
+@pytest.mark.parametrize("name", CAMERAS)
+def test_a_fast_twist_before_near_points_is_held_back_and_not_given_up(name):
+    camera, rng = CAMERAS[name], np.random.default_rng(9)
+    held = 0
+    for distance in (0.1, 0.02, 0.003):
+        for _ in range(20):
+            points, pixels = seen_points(camera, rng, 12, distance)
+            answer = VisibilityFilter(camera, options=OPTIONS).step(
+                points, pixels, np.ones(len(points), bool), rng.normal(size=6)
+            )
+            assert answer.solved
+            assert answer.slack_px < 1e-3
+            held += answer.active > 0
+    assert held > 40
+
+
 @pytest.mark.parametrize("name", ["perspective", "mirror"])
 def test_no_nearer_twist_keeps_the_rates(name):
     camera, rng = CAMERAS[name], np.random.default_rng(2)

@@ -25,8 +25,9 @@ how many rows hold the twist back, and whether the program was solved (1 or 0)."
 SLACK_WEIGHT = 1e-2
 """cost of a slack of 1 px/s, squared, beside that of 1 rad/s"""
 
-ENOUGH = 1e-7
-"""A row that lacks less holds [px/s]"""
+ENOUGH, ENOUGH_OF = 1e-7, 1e-9
+"""A row holds that lacks less [px/s], or less than this part of what the wanted twist lacks most: of a fast
+twist before near points no more can be had, by rounding"""
 
 MOST_ROUNDS = 60
 MOST_ROWS = 24
@@ -281,9 +282,11 @@ def _nearest(
         gradient[a] = -twist[a] / (distance if a < 3 else 1.0)
     working, bounds = np.empty((MOST_ROWS, 7)), np.empty(MOST_ROWS)
     step, multipliers = np.zeros(7), np.zeros(MOST_ROWS)
-    size = 0
+    size, enough = 0, ENOUGH
+    for i in range(rows.shape[0]):
+        enough = max(enough, ENOUGH_OF * (right[i] - _times(rows, i, twist)))
     for _ in range(MOST_ROUNDS):
-        worst, most = -1, ENOUGH
+        worst, most = -1, enough
         for i in range(rows.shape[0]):
             lacks = right[i] - _times(rows, i, twist) - (step[6] if heights[i] < 0.0 else 0.0)
             if lacks > most:
