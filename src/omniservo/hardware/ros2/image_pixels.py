@@ -65,18 +65,20 @@ def grey_of_compressed(message: CompressedImageMessage) -> ByteArray:
     """Return a compressed image's grey values (height, width); its size is read before it is decoded.
 
     Raises:
-        InputError: neither JPEG nor PNG, no pixels or too many, or broken.
+        InputError: neither JPEG nor PNG, no pixels or too many, of 16 bits, or broken.
     """
     data = message.data.tobytes()
     where = f"{message.ros_type}.data"
     try:
         with Image.open(io.BytesIO(data), formats=("JPEG", "PNG")) as head:
-            width, height = head.size
+            (width, height), deep = head.size, head.mode.startswith("I")
     except UnidentifiedImageError:
         raise InputError(f"{where}: not an image; legal: JPEG, PNG") from None
     except Exception as error:  # the readers of formats raise whatever they meet
         raise InputError(f"{where}: not an image that can be read: {spelled(str(error))}") from None
     _refuse_size(message.ros_type, width, height)
+    if deep:  # of 12 bits in 16 the decoder would leave a black image
+        raise InputError(f"{where}: 16 bits a pixel; legal: 8")
     pixels = cv2.imdecode(message.data, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION)
     if pixels is None or pixels.shape != (height, width):
         raise InputError(f"{where}: an image that is broken")
