@@ -215,3 +215,11 @@ def test_nothing_is_known_before_the_first():
     assert math.isnan(clocks.spread)
     with pytest.raises(InputError, match="window"):
         ClockMap(0.0)
+
+
+def test_a_clock_that_is_set_back_right_after_the_first_stamp_is_a_fault():
+    clock = ClockMap()
+    clock.monotonic(100.0, 1000.0)
+    with pytest.raises(ClockFault, match=r"went back by 1\.(499|500) s"):
+        for k in range(1, 150):
+            clock.monotonic(98.5 + 0.01 * k, 1000.0 + 0.01 * k)

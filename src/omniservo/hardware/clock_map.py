@@ -174,6 +174,8 @@ class ClockMap:
 
     def _was_set_back(self, step: float) -> bool:
         """Return whether stamps say that the sender's clock was set back by ``step`` [s]."""
+        if not self._steps:  # none was newer than the very first
+            return True
         since = self._late - self._in_time
         steps = np.array(self._steps)
         period = float(np.median(steps))
