@@ -181,6 +181,8 @@ def test_an_images_bytes_are_not_copied():
     [
         (ImageMessage(height=-1), r"sensor_msgs/msg/Image.height: -1 given"),
         (ImageMessage(encoding="a\0b"), r"sensor_msgs/msg/Image.encoding: .*no text has a NUL"),
+        (ImageMessage(data=np.array([7, 300])), r"Image.data: 300 given; legal: 0 to 255"),
+        (ImageMessage(data=np.array([np.nan])), r"Image.data: nan given; legal: 0 to 255"),
         (HeaderMessage(TimeMessage(2**31)), r"std_msgs/msg/Header.stamp.sec: 2147483648 given"),
         (HeaderMessage("now"), r"Header.stamp: 'now' given; legal: TimeMessage"),
         (messages.CameraInfoMessage(k=np.zeros(8)), r"CameraInfo.k: 8 numbers given; legal: 9"),

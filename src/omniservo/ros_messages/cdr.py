@@ -104,6 +104,10 @@ class _Writer:
 
     def numbers(self, kind: Numbers, value: Any, place: str) -> None:
         array = np.frombuffer(value, np.uint8) if isinstance(value, bytes) else np.asarray(value)
+        if kind.dtype == "u1" and array.dtype != np.uint8:  # others wrap around
+            wrong = array[~((array >= 0) & (array <= 255))]
+            if len(wrong):
+                raise InputError(f"{self.name}{place}: {wrong[0]} given; legal: 0 to 255")
         array = np.ascontiguousarray(array, dtype=kind.dtype).reshape(-1)
         if kind.count is None:
             self.length(len(array))
