@@ -36,6 +36,16 @@ def drawn(capsys, folder, out, *more):
     return json.loads(said)
 
 
+def test_two_results_in_one_file_are_refused_before_anything_is_drawn(capsys, folder):
+    code, said, err = call(
+        capsys, "render", SCENE, "--camera", folder / "lens.json", "--pose", FROM, "--out", folder / "c.png",
+        "--force", "--depth", folder / "c.npy", "--segmentation", folder / "." / "c.npy",
+    )  # fmt: skip
+    assert (code, said) == (2, "")
+    assert "c.npy given twice; legal: a file each" in err
+    assert not (folder / "c.png").exists()
+
+
 def test_depth_and_segmentation_say_the_same_in_both_formats(capsys, folder):
     named = ("--depth", folder / "d.npy", "--segmentation", folder / "s.npy")
     said = drawn(capsys, folder, "a.png", *named)

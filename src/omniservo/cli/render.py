@@ -70,8 +70,11 @@ class _Files:
                 raise InputError(f"{name}: given with --path; it goes with one image")
             if path is not None and path.suffix not in (".npy", ".png"):
                 raise InputError(f"{name}: {path} given; legal: a file that ends with .npy or .png")
-        for path in self.written():
+        paths = list(self.written())
+        for k, path in enumerate(paths):
             writable(path, force=self.force)
+            if path.resolve() in [other.resolve() for other in paths[:k]]:
+                raise InputError(f"--out, --depth, --segmentation: {path} given twice; legal: a file each")
 
     def written(self) -> Iterator[Path]:
         """Yield what is."""
