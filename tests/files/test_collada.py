@@ -61,6 +61,14 @@ def test_nodes_move_what_they_hold(tmp_path):
     np.testing.assert_allclose(found[0], turned, atol=1e-12)
 
 
+def test_vertices_begin_at_the_offset_of_their_accessor(tmp_path):
+    text = document(unit="1").replace(' count="15">', ' count="18">7 8 9  ')
+    found = read(tmp_path, text.replace('stride="3"', 'stride="3" offset="3"'))
+    np.testing.assert_array_equal(
+        found, [[[0, 0, 0], [2, 0, 0], [0, 0, 5]], [[2, 0, 0], [2, 3, 0], [0, 0, 5]]]
+    )
+
+
 def test_without_a_scene_everything_is_shown(tmp_path):
     text = document().replace('<scene><instance_visual_scene url="#s"/></scene>', "")
     assert len(read(tmp_path, text)) == 2

@@ -13,6 +13,9 @@ from omniservo.geometry.arrays import FloatArray, IntArray
 
 _MOVES = ("matrix", "translate", "rotate", "scale")
 
+_OF_ACCESSORS = (("stride", "1"), ("offset", "0"))
+"""of the numbers (v, 3) of a source: how many apart, and from which on; as they are by default"""
+
 _MOST_TRIANGLES = 2_000_000
 """of a scene, counting what it shows several times"""
 
@@ -125,8 +128,8 @@ def _positions(mesh: Element, name: str) -> FloatArray:
     values, access = source.find("float_array"), source.find("technique_common/accessor")
     if values is None:
         raise ValueError(f"source {name[:30]!r} has no numbers")
-    stride = 3 if access is None else int(access.get("stride", "1"))
-    table = np.array((values.text or "").split(), dtype=np.float64).reshape(-1, stride)
+    stride, begin = (3, 0) if access is None else (int(access.get(k, d)) for k, d in _OF_ACCESSORS)
+    table = np.array((values.text or "").split()[begin:], dtype=np.float64).reshape(-1, stride)
     return table[:, :3]
 
 
