@@ -260,6 +260,12 @@ def test_faces_of_four_corners_are_read_however_an_obj_names_them(tmp_path, corn
         assert sorted(mesh.vertices.tolist()) == sorted(np.add(CUBE, place).tolist())
 
 
+def test_an_obj_may_begin_with_a_mark_and_break_lines_that_end_in_carriage_returns(tmp_path):
+    text = obj(triangles(CUBE)).decode().replace("f ", "f \\\n").replace("\n", "\r\n")
+    (mesh,) = load(tmp_path, "windows.obj", text.encode("utf-8-sig")).obstacles
+    assert sorted(mesh.vertices.tolist()) == sorted(CUBE.tolist())
+
+
 @pytest.mark.parametrize("name", WRITERS)
 def test_a_file_is_read_placed_and_embedded(tmp_path, name):
     place = {"scale": 0.001, "quaternion": TURN.as_quat().tolist(), "translation": [0.1, 0.2, 0.3]}

@@ -73,7 +73,7 @@ def _load_stl(content: bytes) -> tuple[FloatArray, IntArray]:
 
 
 def _load_obj(content: bytes) -> tuple[FloatArray, IntArray]:
-    return obj_triangles(content.decode("utf-8", "replace"))
+    return obj_triangles(content.decode("utf-8-sig", "replace"))
 
 
 def _load_dae(content: bytes) -> tuple[FloatArray, IntArray]:

@@ -26,7 +26,7 @@ def obj_triangles(text: str) -> tuple[FloatArray, IntArray]:
             number and is none, or too many triangles.
     """
     vertices, corners = array("d"), array("q")
-    for line in text.replace("\\\n", " ").splitlines():
+    for line in text.replace("\r\n", "\n").replace("\\\n", " ").splitlines():
         kind, *words = line.partition("#")[0].split() or [""]
         if kind == "v":
             x, y, z = map(float, words[:3])
