@@ -624,6 +624,7 @@ def test_an_obstacle_is_counted_once_whatever_parts_the_file_of_a_mesh_before_it
         ({"bodies": [1]}, r"moves.0.bodies: 1 given; there are 1, counted from 0"),
         ({"known": [0]}, r"moves.0.known: 0 given; there are 0"),
         ({"bodies": []}, "moves.0.bodies"),
+        ({"bodies": [0, 0]}, r"moves.0.bodies: 0 given twice; once is legal"),
         ({"time": -1}, "moves.0.time"),
         ({"by": [float("nan"), 0, 0]}, "moves.0.by"),
     ],

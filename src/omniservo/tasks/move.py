@@ -4,12 +4,21 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from omniservo.tasks.quantities import A_NUMBER, Point, Real
 from omniservo.tasks.section import Section
 
-_Indices = Annotated[tuple[Annotated[int, Field(ge=0), A_NUMBER], ...], Field(min_length=1)]
+
+def _once(numbers: tuple[int, ...]) -> tuple[int, ...]:
+    if len(set(numbers)) < len(numbers):
+        raise ValueError(f"{max(numbers, key=numbers.count)} given twice; once is legal")
+    return numbers
+
+
+_Indices = Annotated[
+    tuple[Annotated[int, Field(ge=0), A_NUMBER], ...], Field(min_length=1), AfterValidator(_once)
+]
 
 
 class Move(Section):
