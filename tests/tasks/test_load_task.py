@@ -149,6 +149,11 @@ def test_the_papers_numbers_stand_in_its_tasks():
             float("nan"),
             "simulation.light.brightness: Input should be a finite",
         ),
+        (
+            "target.dots",
+            [{"center": [0, 0, 400], "normal": [0, 0, 0]}],
+            "target.dots.0.normal: its length must not be 0",
+        ),
         ("simulation.light.direction", [0, 0, 0], "its length must not be 0"),
         ("simulation.light_changes", [{"time": 2}, {"time": 1}], "the times must not fall"),
         ("simulation.lights", [], "simulation.lights: no such field; legal: true_camera, lens_error, light,"),

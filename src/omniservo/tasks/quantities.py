@@ -1,10 +1,14 @@
 """Numbers in a task file; lengths and angles are stated in the file's units, kept in metres and radians."""
 
+import math
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
 
 from omniservo.planning.checks import LARGEST
+
+_SHORTEST = 1e-9
+"""of a direction"""
 
 
 def _a_number(value: Any) -> Any:
@@ -25,6 +29,12 @@ def _within(value: float, unit: str) -> float:
     if abs(value) > LARGEST:
         raise ValueError(f"legal: -{LARGEST:g} to {LARGEST:g} {unit}")
     return value
+
+
+def _some_length(direction: tuple[float, float, float]) -> tuple[float, float, float]:
+    if math.hypot(*direction) < _SHORTEST:
+        raise ValueError("its length must not be 0")
+    return direction
 
 
 A_NUMBER = BeforeValidator(_a_number)
@@ -48,5 +58,5 @@ Angle = Annotated[Real, AfterValidator(_radians)]
 Point = tuple[Length, Length, Length]
 """A position [m]."""
 
-Direction = tuple[Real, Real, Real]
+Direction = Annotated[tuple[Real, Real, Real], AfterValidator(_some_length)]
 """A direction; its length does not matter but must not be 0."""

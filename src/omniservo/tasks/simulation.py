@@ -20,13 +20,6 @@ class LightSection(Section):
     direction: Direction = (-0.55, 0.25, 0.80)
     """towards the lamp, in the world"""
 
-    @field_validator("direction")
-    @classmethod
-    def _some_length(cls, direction: tuple[float, float, float]) -> tuple[float, float, float]:
-        if not any(direction):
-            raise ValueError("its length must not be 0")
-        return direction
-
 
 class LightChange(LightSection):
     """Light that shines from some time on."""
