@@ -166,6 +166,16 @@ def test_the_papers_numbers_stand_in_its_tasks():
         ("planning.workspace", {"min": [0, 0, 0], "max": [1, 1, 0]}, "smaller"),
         ("name", "../x", "name"),
         ("planning.obstacles", [{"type": "cone"}], "planning.obstacles.0"),
+        (
+            "planning.obstacles",
+            [{"type": "cylinder", "from": [0, 0, 1], "to": [0, 0, 1], "radius": 1}],
+            "planning.obstacles.0.cylinder: to: 0 m from the other end given",
+        ),
+        (
+            "planning.obstacles",
+            [{"type": "mesh", "vertices": [[0, 0, 1], [1, 0, 1], [0, 1, 1], [1, 1, 1]]}],
+            "planning.obstacles.0.mesh: vertices: all within 1e-12 m of one plane; a solid is needed",
+        ),
         ("planning.obstacles", [{"type": "box", "center": [0, 0, 0]}], "half_extents"),
         ("planning.obstacles", [{"type": "half_space", "normal": [0, 0, 2], "offset": 0}], "length 2"),
         ("planning.obstacles", [{"center": [0, 0, 0], "half_extents": [1, 1, 1]}], "no such field"),

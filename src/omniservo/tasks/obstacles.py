@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from functools import cached_property
 from typing import Annotated, Any, Literal, Self
 
@@ -10,11 +11,13 @@ import numpy as np
 from pydantic import BeforeValidator, ConfigDict, Field, field_validator, model_validator
 from scipy.spatial.transform import RigidTransform
 
+from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray
 from omniservo.planning import Box, Capsule, Cloud, Cylinder, Ellipsoid, HalfSpace, Mesh, Sphere
 from omniservo.planning.checks import NEAR_UNIT
 from omniservo.planning.obstacles.cloud import MOST_CLOUD_POINTS
 from omniservo.planning.obstacles.mesh import MOST_GIVEN
+from omniservo.planning.obstacles.obstacle import Obstacle
 from omniservo.tasks.placed import Block, Framed, Placed, Turned
 from omniservo.tasks.quantities import Direction, Length, NonNegativeLength, Point, PositiveLength
 
@@ -34,6 +37,19 @@ class _Obstacle(Framed):
                 "replans on the way and judges the whole arm; legal here: the task's moves, at a time each"
             )
         return fields
+
+    @property
+    @abstractmethod
+    def obstacle(self) -> Obstacle:
+        """The planner's obstacle."""
+
+    @model_validator(mode="after")
+    def _is_a_body(self) -> Self:
+        try:
+            _ = self.obstacle
+        except InputError as error:
+            raise ValueError(str(error)) from None
+        return self
 
     def transformed(self, a_T_b: RigidTransform) -> Self:
         """Return the same, stated in frame b, in frame a."""
