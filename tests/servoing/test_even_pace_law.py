@@ -41,6 +41,17 @@ def test_speed_and_acceleration_are_the_derivatives_of_place_and_speed():
     assert np.allclose(each, np.column_stack((w, speed)))
 
 
+@pytest.mark.parametrize("after", [0.0, 10.0, 100.0])
+def test_a_pace_that_jumps_neither_lets_w_fall_nor_runs_away(after):
+    def jumping(w):
+        return np.where(w < 0.5, 1.0, after)
+
+    law = EvenPaceLaw(jumping, 1.0)
+    w, speed, _ = law.motion(np.linspace(0.0, law.duration, 20001))
+    assert (np.diff(w) >= 0.0).all()
+    assert (jumping(w) * speed).max() < 1.25
+
+
 def test_before_and_after_it_rests():
     assert LAW(-1.0) == (0.0, 0.0)
     assert LAW(2 * LAW.duration) == pytest.approx((1.0, 0.0), abs=1e-9)

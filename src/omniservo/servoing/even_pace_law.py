@@ -82,14 +82,19 @@ class EvenPaceLaw:
 
     @cached_property
     def _length(self) -> FloatArray:
-        return np.asarray(cumulative_simpson(self._paces, dx=1.0 / (_PLACES - 1), initial=0.0))
+        pace, step = self._paces, 1.0 / (_PLACES - 1)
+        pieces = np.diff(cumulative_simpson(pace, dx=step, initial=0.0))
+        ends = pace[:-1], pace[1:]  # beside a jump Simpson's parabola can leave what lies between them
+        pieces = np.clip(pieces, step * np.minimum(*ends), step * np.maximum(*ends))
+        return np.concatenate([[0.0], np.cumsum(pieces)])
 
     @cached_property
     def _place(self) -> CubicHermiteSpline:
-        """Place w of the share of the length."""
-        whole = self._length[-1]
-        places = np.linspace(0.0, 1.0, _PLACES)
-        return CubicHermiteSpline(self._length / whole, places, whole / self._paces)
+        """Place w of the share of the length; no slope is so steep that w would fall (Fritsch–Carlson)."""
+        share, places = self._length / self._length[-1], np.linspace(0.0, 1.0, _PLACES)
+        secants = np.diff(places) / np.diff(share)
+        most = 3.0 * np.minimum(np.append(secants, np.inf), np.append(np.inf, secants))
+        return CubicHermiteSpline(share, places, np.minimum(self._length[-1] / self._paces, most))
 
     @cached_property
     def _pieces(self) -> tuple[list[float], list[list[float]]]:
