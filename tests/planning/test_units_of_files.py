@@ -130,3 +130,5 @@ def test_a_body_may_be_turned_by_a_rotation_vector_or_not_at_all(tmp_path):
     both = {**box, "rotation_vector": vector, "quaternion": [0, 0, 0, 1]}
     with pytest.raises(InputError, match=r"obstacles\[0\].quaternion, rotation_vector: both given"):
         PlanningProblem.load(problem(tmp_path, both))
+    with pytest.raises(InputError, match=r"goal\.rotation_vector: 1e\+300 given; legal: -1e6 to 1e6"):
+        PlanningProblem.load(problem(tmp_path, box, goal={**goal, "rotation_vector": [1e300, 0, 0]}))

@@ -124,6 +124,10 @@ def test_of_several_dictionaries_one_must_be_named():
             document(tags=[TAG | {"quaternion": [0, 0, 0, 1], "rotation_vector": [0, 0, 0]}]),
             r"tags\[0\]: quaternion and rotation_vector given",
         ),
+        (
+            document(tags=[TAG | {"rotation_vector": [1e300, 0, 0]}]),
+            r"tags\[0\]: rotation_vector: \[1e\+300, 0.0, 0.0\] given; legal: -1e6 to 1e6",
+        ),
         (document(tags=[TAG | {"translation": [0, 0, 1e400]}]), r"tags\[0\]: translation: inf"),
         (document(tags=[TAG | {"translation": [1.7e308, 0, 0], "edge": 1.7e308}]), "corners"),
         (document(units={"length": "inch"}, tags=[TAG]), "units.length: 'inch' given; legal: m, cm, mm"),

@@ -29,6 +29,8 @@ MOST_MEMBERS = 10_000
 
 _LONGEST_NAME = 100
 _NEAR_UNIT = 1e-6
+_LARGEST_TURN = 1e6
+"""in the file's unit: the square of any stays far from overflow"""
 
 
 @with_field_docs
@@ -229,6 +231,8 @@ def _tag(value: Any, source: str, units: dict[str, float]) -> Tag:
         rotation = Rotation.from_quat(quaternion)
     else:
         vector = finite_array(f"{source}: rotation_vector", fields.get("rotation_vector", (0, 0, 0)), (3,))
+        if np.abs(vector).max() > _LARGEST_TURN:
+            raise InputError(f"{source}: rotation_vector: {vector.tolist()} given; legal: -1e6 to 1e6")
         rotation = Rotation.from_rotvec(units["angle"] * vector)
     metres = units["length"]
     edge = metres * finite_number(f"{source}: edge", fields["edge"], above=0.0)
