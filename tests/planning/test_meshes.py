@@ -344,6 +344,11 @@ BROKEN = {
         "not STL as far as can be read: a solid does not end",
     ),
     "corner 0": ("z.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 0 1 2\n", "not OBJ .* number 0"),
+    "corner before the first": (
+        "w.obj",
+        b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf -5 -2 -1\n",
+        "a triangle of vertex -2, counted from 0; there are 3 vertices",
+    ),
     "two corners": ("y.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2\n", "not OBJ .* fewer than 3 corners"),
     "bad number": (
         "u.stl",

@@ -48,8 +48,11 @@ def read_triangles(path: Path) -> tuple[FloatArray, IntArray]:
     if not np.isfinite(vertices).all():
         row = int(np.argwhere(~np.isfinite(vertices).all(axis=1))[0, 0])
         raise InputError(f"{path}: vertex {row} is {vertices[row].tolist()}; every number must be finite")
-    if triangles.min() < 0 or triangles.max() >= len(vertices):
-        raise InputError(f"{path}: a triangle of vertex {triangles.max()}, but only {len(vertices)} vertices")
+    odd = triangles[(triangles < 0) | (triangles >= len(vertices))]
+    if len(odd):
+        raise InputError(
+            f"{path}: a triangle of vertex {odd[0]}, counted from 0; there are {len(vertices)} vertices"
+        )
     return vertices, triangles
 
 
