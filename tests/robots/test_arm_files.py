@@ -290,11 +290,11 @@ def test_mjcf_meshes_lie_in_its_mesh_folder_and_what_is_no_arm_is_left_out(tmp_p
         '<mesh file="ball.stl"/><texture name="t" type="2d" file="/etc/passwd"/>'
         '<material name="m" texture="t" rgba="1 0 0 1"/></asset>'
     )
-    body = '<light/><camera/><geom type="plane" size="1 1 1"/>'
+    body = '<light/><camera/><geom type="plane" size="1 1 1"/><frame><geom size="0.3"/></frame>'
     text = mjcf(body, extra=extra, inner='<geom type="mesh" mesh="ball" material="m"/>')
     arm = read(tmp_path, text, "arm.xml")
     assert [shape.kind for shape in arm.links[-1].shapes] == ["capsule", "mesh"]
-    assert any("shapes of the world itself left out: 1" in notice for notice in arm.notices)
+    assert any("shapes of the world itself left out: 2" in notice for notice in arm.notices)
     model = arm.spec().compile()
     np.testing.assert_allclose(model.geom_rgba[-1], [1, 0, 0, 1])
 

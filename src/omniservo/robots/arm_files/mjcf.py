@@ -93,8 +93,7 @@ class _Mjcf:
         elif section.tag == "asset":
             self._assets(children, kept, folder)
         elif section.tag == "worldbody":
-            self._left_out += sum(child.tag == "geom" for child in children)
-            self._bodies([child for child in children if child.tag != "geom"], kept)
+            self._bodies(children, kept, of_world=True)
         elif section.tag == "custom":
             for child in children:
                 if child.get("name") in (SPEED, ACCELERATION):
@@ -150,8 +149,11 @@ class _Mjcf:
         attributes["file"] = self._meshes.add(place, reference, folder)
         return ET.Element("mesh", attributes)
 
-    def _bodies(self, children: list[XmlElement], kept: ET.Element) -> None:
+    def _bodies(self, children: list[XmlElement], kept: ET.Element, *, of_world: bool) -> None:
         for child in children:
+            if child.tag == "geom" and of_world:
+                self._left_out += 1
+                continue
             if child.tag in _UNSEEN:
                 continue
             if child.tag not in _OF_BODIES:
@@ -159,4 +161,5 @@ class _Mjcf:
                     f"{self._fields.place(child)}: <{child.tag}> in the tree of bodies; legal: "
                     f"{', '.join(sorted(_OF_BODIES))}"
                 )
-            self._bodies(self._fields.children(child), ET.SubElement(kept, child.tag, child.attrib))
+            copy = ET.SubElement(kept, child.tag, child.attrib)
+            self._bodies(self._fields.children(child), copy, of_world=of_world and child.tag == "frame")
