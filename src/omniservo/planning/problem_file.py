@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -52,9 +52,9 @@ def read_problem(make: Callable[..., P], fields: Any, folder: Path | None, sourc
         InputError: a field is missing, unknown or not legal.
     """
     try:
-        only_fields(fields, _REQUIRED, OPTIONAL)
-        if fields["format"] != FORMAT:
+        if isinstance(fields, Mapping) and fields.get("format", FORMAT) != FORMAT:
             raise InputError(f"format: {spelled(fields['format'])} given; legal: {FORMAT!r}")
+        only_fields(fields, _REQUIRED, OPTIONAL)
         given: dict[str, Any] = {
             name: fields[name] for name in ("clearance", "least_distance", "visibility_margin", "occlusion")
             if name in fields
