@@ -1,5 +1,7 @@
 import io
 import json
+import os
+import subprocess
 import sys
 
 import numpy as np
@@ -269,3 +271,10 @@ def test_a_folder_of_other_things_is_refused_before_anything_is_done_in_it(comma
     assert code == 2
     assert f"{tmp_path}: holds other files, and no" in err
     assert [p.read_text() for p in tmp_path.iterdir()] == ["mine"]
+
+
+def test_a_backend_that_matplotlib_does_not_have_stops_no_drawing(tmp_path):
+    command = [sys.executable, "-m", "omniservo", "camera", "show", "fe185", "--quiet", "--out", tmp_path]
+    named = os.environ | {"MPLBACKEND": "Qt4Agg"}
+    ended = subprocess.run(command, env=named, capture_output=True, check=False)
+    assert (ended.returncode, ended.stderr) == (0, b"")

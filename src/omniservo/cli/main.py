@@ -102,6 +102,7 @@ def main(arguments: list[str] | None = None) -> None:
         arguments: what follows the program's name; None: what the process was called with.
     """
     gc.set_threshold(*_GARBAGE)
+    os.environ.pop("MPLBACKEND", None)  # no command opens a window; of a name unknown to it matplotlib fails
     _open_closed_streams()
     _escape_unencodable(sys.stdout)
     DOING.stage, DOING.written = "", []
