@@ -63,6 +63,13 @@ def test_a_plan_in_the_place_of_a_problem_is_refused_by_its_format(capsys, tmp_p
     assert "plan.json: format: 'omniservo.plan/1' given; legal: 'omniservo.problem/1'" in err
 
 
+def test_a_problem_in_the_place_of_a_plan_is_refused_by_its_name(capsys, tmp_path):
+    source = written(tmp_path / "problem.json", problem())
+    code, _, err = call(capsys, "verify", source)
+    assert code == 2
+    assert err == f'omniservo: {source}: not a plan: "format" must be "omniservo.plan/1"\n'
+
+
 def test_a_false_plan_is_refuted_with_exit_code_1_and_a_reason(capsys, tmp_path):
     source, plan = written(tmp_path / "problem.json", problem()), tmp_path / "plan.json"
     call(capsys, "plan", source, "--out", plan, "--quiet")

@@ -156,7 +156,8 @@ def _fields_of(value: Any, kind: str) -> Mapping[str, Any]:
     if isinstance(document, str | Path):
         document = _document(Path(document))
     if not isinstance(document, Mapping) or not str(document.get("format")).startswith(f"omniservo.{kind}/"):
-        raise PlanFileError(f'not a {kind}: "format" must be "omniservo.{kind}/1"')
+        where = f"{value}: " if isinstance(value, str | Path) else ""
+        raise PlanFileError(f'{where}not a {kind}: "format" must be "omniservo.{kind}/1"')
     return document
 
 
