@@ -16,6 +16,7 @@ from tests.cli.calling import call
 from omniservo.calibration import check_camera
 from omniservo.calibration.camera_check import _jacobian, _moved_pixels
 from omniservo.camera_files import save_camera
+from omniservo.cameras import preset
 from omniservo.errors import InputError
 
 STILL = RigidTransform.identity()
@@ -143,3 +144,13 @@ def test_the_command_exits_with_1_where_the_camera_moved_and_prints_what_scripts
 def test_an_image_of_another_size_is_refused(room):
     with pytest.raises(InputError, match="240"):
         check_camera(OTHER_LENS, room[0], room[0][:100])
+
+
+def test_the_command_names_the_image_that_has_another_size(tmp_path, capsys):
+    width, height = preset("fe185").width, preset("fe185").height
+    cv2.imwrite(str(tmp_path / "ours.png"), np.zeros((height, width), np.uint8))
+    other = tmp_path / "other.png"
+    cv2.imwrite(str(other), np.zeros((60, 80), np.uint8))
+    ours = tmp_path / "ours.png"
+    code, _, err = call(capsys, "camera", "check", ours, other, "--camera", "fe185", "--quiet")
+    assert (code, err) == (2, f"omniservo: {other}: 80×60 px; the camera has {width}×{height}\n")
