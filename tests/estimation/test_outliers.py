@@ -111,7 +111,7 @@ def test_a_false_minimum_does_not_win_by_the_members_that_it_chose():
     assert max(errors) < np.radians(5.0)
 
 
-@pytest.mark.parametrize("k", [2, 4])
+@pytest.mark.parametrize("k", [1, 2])
 @pytest.mark.parametrize("noise", [None, 0.05])
 def test_wrong_matches_do_not_choose_between_the_two_motions_of_a_plane(fisheye, make_view, k, noise):
     """They lie where points off the plane would be, had the camera moved by the plane's other motion."""
@@ -133,6 +133,20 @@ def test_wrong_matches_do_not_choose_between_the_two_motions_of_a_plane(fisheye,
     assert found.status == "planar_points", found.message
 
 
+def test_a_few_points_off_a_plane_are_parallax(fisheye, make_view):
+    """Three of 23 that agree with one motion, far from the plane: wrong ones lie in any direction."""
+    rng = np.random.default_rng(95)
+    right = 0
+    for _ in range(10):
+        flat = np.column_stack((0.15 * rng.uniform(-1, 1, (23, 2)), np.zeros(23)))
+        flat[:3, 2] = -0.15
+        scene = make_view(fisheye, flat + np.array([0, 0, 0.6]), TURN, SHIFT)
+        found = estimate_two_view(fisheye, *scene.noisy(rng, 0.03))
+        if found.status == "ok":
+            right += (found.initial_T_goal.rotation.inv() * TURN).magnitude() < math.radians(0.5)
+    assert right >= 9
+
+
 def test_the_chance_that_wrong_matches_agree_is_no_less_than_the_exact_one():
     """Exact: every match's own chance, convolved. Where all are as far it is that."""
     for apart, k in ((np.array([3.0, 5.0, 8.0, 20.0, 90.0]), 5), (np.full(6, 12.0), 4), (np.full(9, 4.0), 8)):
@@ -141,8 +155,8 @@ def test_the_chance_that_wrong_matches_agree_is_no_less_than_the_exact_one():
         for p in chances:
             law = np.convolve(law, [1.0 - p, p])
         exact = math.comb(len(apart) + 2, 2) * law[k - 2 :].sum()
-        found = _bent_to(k, len(apart) + 2, _in_band(np.append(apart, [500.0, 90.0]), 1.0))
+        found = _bent_to(k, len(apart) + 2, _in_band(apart, 1.0))
         assert found >= exact * (1.0 - 1e-12)
         if np.ptp(apart) == 0.0:
             assert found == pytest.approx(exact)
-    assert _bent_to(2, 3, _in_band(np.full(3, 100.0), 1.0)) == 1.0
+    assert _bent_to(2, 3, _in_band(np.full(1, 100.0), 1.0)) == 1.0

@@ -25,7 +25,8 @@ C(m, 2) P(X ≥ k − 2) < 10⁻³, X binomial, those of m − 2 in the epipolar
   share of wrong matches, since little relief does as well.
 - Of those `FAR` from the model, which little relief does not explain: r [px] off it in any direction, a match
   lies in the band of half width g with the chance (2/π) asin(g/r). X has the mean of those, without the two
-  farthest: its tail is no thinner than theirs (Hoeffding 1956).
+  farthest: its tail is no thinner than theirs (Hoeffding 1956). Of a plane it is 2 P(X ≥ k), X of all m: the
+  plane leaves two motions, and no part of them free.
 
 Whether the matches come from this camera and from one rigid scene: `camera_evidence`; whether they are found
 well enough: `heavy_tails`.
@@ -198,7 +199,7 @@ def _bulk_model(fit: TwoViewFit, matches: Matches, variance: float) -> tuple[Sta
     n, inside = matches.size, int(np.count_nonzero(fit.members))
     gate, wrong = GATE * math.sqrt(variance + SHARED_PX**2), (n - inside + 1) / (n + 2)
     extent = max(math.hypot(*np.ptp(matches.pixels[:, 2:], axis=0)), 1.0)
-    for (*_, status, words), apart in zip(SIMPLER, bulk_maps(matches, fit.members, gate), strict=True):
+    for (kind, _, status, words), apart in zip(SIMPLER, bulk_maps(matches, fit.members, gate), strict=True):
         for reach in (1.0, FAR):
             off = ~(apart < reach * gate)
             m, k = int(np.count_nonzero(off)), int(np.count_nonzero(off & fit.members))
@@ -206,8 +207,10 @@ def _bulk_model(fit: TwoViewFit, matches: Matches, variance: float) -> tuple[Sta
                 continue
             if reach < FAR:
                 chance = (wrong / (1.0 - wrong)) ** k * _bent_to(k, m, min(1.0, 4.0 * gate / extent))
+            elif kind == HOMOGRAPHY:
+                chance = 2.0 * float(bdtrc(k - 1, m, _in_band(apart[off], gate))) if k else 1.0
             else:
-                chance = _bent_to(k, m, _in_band(apart[off], gate))
+                chance = _bent_to(k, m, _in_band(np.sort(apart[off])[:-2], gate))
             if chance <= SIGNIFICANCE:
                 continue
             rest = matches.where(fit.members & ~off)
@@ -223,9 +226,8 @@ def _bent_to(k: int, m: int, band: float) -> float:
 
 
 def _in_band(apart: FloatArray, gate: float) -> float:
-    """Return the chance of those ``apart`` [px] from a model to be in a band, without the two farthest."""
-    nearest = np.sort(apart)[:-2]
-    return 2.0 / math.pi * float(np.mean(np.arcsin(gate / nearest))) if len(nearest) else 1.0
+    """Return the mean chance of matches ``apart`` [px] from a model to be in a band, at random directions."""
+    return 2.0 / math.pi * float(np.mean(np.arcsin(gate / apart))) if len(apart) else 1.0
 
 
 def _rival(fit: TwoViewFit, members: Matches, variance: float) -> tuple[Status, str] | None:
