@@ -359,3 +359,10 @@ def test_a_full_disk_is_named_whatever_is_written_and_leaves_nothing_once_discar
             write(recording)
         recording.discard()
         assert not list(tmp_path.iterdir())
+
+
+def test_a_recording_that_has_just_begun_can_be_read(tmp_path):
+    with RunRecording(tmp_path / "run.mcap") as recording:
+        begun = RecordedRun(recording.unfinished)
+        assert list(begun) == []
+        assert begun.cut

@@ -79,6 +79,8 @@ class RunRecording:
             raise NotWritten(self.unfinished, error.strerror or str(error)) from None
         self._writer = Writer(self._stream, chunk_size=_CHUNK)
         self._writer.start(profile="ros2", library=_LIBRARY)
+        with suppress(OSError):  # said with the first message; whoever watches the file finds what it is
+            self._stream.flush()
 
     def parameters(self, values: Mapping[str, str]) -> None:
         """Note what was run, under the name `PARAMETERS`; the format's version is added."""
