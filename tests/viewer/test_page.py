@@ -20,9 +20,7 @@ from omniservo.planning.obstacles.obstacle import KINDS
 from omniservo.verification import verify_plan
 from omniservo.viewer.along_path import curves_of
 from omniservo.viewer.answer import Answer
-from omniservo.viewer.executed_run import ExecutedRun
 from omniservo.viewer.image_tab import ImageTab
-from omniservo.viewer.moment import Moment
 from omniservo.viewer.new_obstacle import new_obstacle
 from omniservo.viewer.obstacle_tab import ObstacleTab
 from omniservo.viewer.open_viewed import UPRIGHT, Viewed, open_viewed
@@ -206,31 +204,22 @@ def test_one_servo_goes_on_at_a_time(page):
             page.servo()
 
 
-def test_a_servo_of_what_was_shown_before_is_not_shown_in_what_was_opened_since(page, monkeypatch):
-    moment = Moment(0.0, page.situation.arm.scene.start_joints, "moves")
-    followed = []
-
-    def servo(task, watch, progress):
-        number = page.answer.number
-        watch(moment)
-        assert page.playback.moment is moment
-        page.open(Viewed("no arm", Situation(PlanningProblem(preset("fe185"), POINTS, TURN), UPRIGHT)))
-        settled(page, number)
-        followed.append(page.playback.moment)
-        watch(moment)
-        progress("following the path", 0.5)
-        followed.append(page.playback.moment)
-
-    monkeypatch.setattr("omniservo.viewer.page.servo_live", servo)
-    here, joints = RigidTransform.from_translation(np.zeros((1, 3))), moment.joints[None]
-    run = ExecutedRun(
-        np.zeros(1), np.zeros(1), joints, RigidTransform.identity(), here, np.zeros(1), "at the goal", None
-    )
-    monkeypatch.setattr("omniservo.viewer.page.executed_of", lambda result, world_T_initial: run)
-    page.servo()
-    assert followed == [None, None]
+def test_a_servo_of_what_was_shown_before_is_not_shown_in_what_was_opened_since(page):
+    never, number = threading.Event(), page.answer.number
+    serving = threading.Thread(target=page.servo)
+    serving.start()
+    while page.playback.moment is None:
+        assert serving.is_alive()
+        never.wait(0.02)
+    page.open(Viewed("no arm", Situation(PlanningProblem(preset("fe185"), POINTS, TURN), UPRIGHT)))
+    settled(page, number)
+    place = page.shown.w.value
+    while serving.is_alive():
+        assert page.playback.moment is None
+        never.wait(0.02)
     assert page.playback.run is None
-    assert page.shown.w.value != 0.5
+    assert page.shown.w.value == place
+    assert "converged" in page.shown.job.content
 
 
 def test_an_exception_in_a_callback_is_a_message(page):

@@ -154,7 +154,6 @@ class Page:
         def take_it() -> None:
             if self._watched is not None and viewed.watched is not self._watched:
                 self._watched.close()
-            self.playback.follow(None)
             with self.playback.moving:
                 self.server.scene.reset()
                 self._take(viewed)
@@ -310,8 +309,9 @@ class Page:
 
         def watch(moment: Moment) -> None:
             self.shown.job.content = job_html(f"servo: {stage}; {moment.words}; {moment.time:.2f} s")
-            if self.nodes is nodes:
-                self.playback.follow(moment)
+            with self.playback.moving:
+                if self.nodes is nodes:
+                    self.playback.follow(moment)
 
         try:
             result = servo_live(task, watch, progress)
