@@ -9,6 +9,9 @@ from scipy.spatial.transform import Rotation
 
 from omniservo.cameras import preset
 from omniservo.estimation import estimate_two_view
+from omniservo.estimation.matches import Matches
+from omniservo.estimation.robust.map_consensus import bulk_maps
+from omniservo.estimation.status.degenerate_motion import HOMOGRAPHY, IDENTITY, ROTATION
 from omniservo.estimation.status.evidence import _bent_to, _in_band
 
 TURN = Rotation.from_rotvec([0.1, -0.3, 0.2])
@@ -145,6 +148,43 @@ def test_a_few_points_off_a_plane_are_parallax(fisheye, make_view):
         if found.status == "ok":
             right += (found.initial_T_goal.rotation.inv() * TURN).magnitude() < math.radians(0.5)
     assert right >= 9
+
+
+def test_three_matches_moved_along_one_line_are_no_parallax_of_a_camera_that_only_turned(fisheye, make_view):
+    """To either side; the motion bends to two of them, the third agrees in one of two cases."""
+    rng, found = np.random.default_rng(97), []
+    for _ in range(20):
+        points = np.column_stack((rng.uniform(-0.4, 0.4, (30, 2)), np.ones(30)))
+        initial, goal = make_view(fisheye, points, TURN, np.zeros(3)).noisy(rng, 0.2)
+        goal[:3, 0] += 20.0 * rng.choice([-1.0, 1.0], 3)
+        found.append(estimate_two_view(fisheye, initial, goal).status)
+    assert found.count("pure_rotation") == 20, found
+
+
+@pytest.mark.parametrize(("off", "counts"), [(12, True), (16, False)])
+def test_a_plane_counts_where_most_of_the_members_obey_it(fisheye, make_view, off, counts):
+    """28 or 24 of 40; 65% are asked for."""
+    flat = np.column_stack((0.15 * np.random.default_rng(96).uniform(-1, 1, (40, 2)), np.zeros(40)))
+    flat[:off, 2] = -np.linspace(0.1, 0.3, off)
+    scene = make_view(fisheye, flat + np.array([0, 0, 0.6]), TURN, SHIFT)
+    matches = Matches.of_pixels(fisheye, np.hstack((scene.pixels_initial, scene.pixels_goal)))
+    apart = bulk_maps(matches, np.ones(40, dtype=bool), 0.5)[HOMOGRAPHY]
+    assert (apart < 0.5).tolist() == [counts and j >= off for j in range(40)]
+    assert np.isinf(apart).all() != counts
+
+
+@pytest.mark.parametrize(("still", "counts"), [(28, True), (24, False)])
+def test_no_motion_counts_where_most_of_the_members_obey_it(fisheye, make_view, still, counts):
+    """A turn about the axis, which all obey: the nearer to the axis, the less it moves them."""
+    slope = np.where(np.arange(40) < still, 0.01, 0.4)
+    around = np.linspace(0.0, 20.0, 40)
+    points = np.column_stack((slope * np.cos(around), slope * np.sin(around), np.ones(40)))
+    scene = make_view(fisheye, points, Rotation.from_rotvec([0.0, 0.0, 0.02]), np.zeros(3))
+    matches = Matches.of_pixels(fisheye, np.hstack((scene.pixels_initial, scene.pixels_goal)))
+    found = bulk_maps(matches, np.ones(40, dtype=bool), 0.5)
+    assert (found[ROTATION] < 0.5).all()
+    assert (found[IDENTITY] < 0.5).tolist() == [counts and j < still for j in range(40)]
+    assert np.isinf(found[IDENTITY]).all() != counts
 
 
 def test_the_chance_that_wrong_matches_agree_is_no_less_than_the_exact_one():

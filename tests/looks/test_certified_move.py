@@ -8,9 +8,9 @@ import pytest
 from scipy.spatial.transform import RigidTransform
 from tests.looks.conftest import FLANGE_T_CAMERA, MOUNT, START
 
-from omniservo.cameras import UnifiedCamera
+from omniservo.cameras import UnifiedCamera, preset
 from omniservo.looks import FOLLOWED, CertifiedMove, certified_move
-from omniservo.looks.certified_move import following_tube, mount_room
+from omniservo.looks.certified_move import _image_room, following_tube, mount_room
 from omniservo.looks.next_look import structures
 from omniservo.robots import CAMERA_HOUSING, ArmBodies, MountedCamera, Solid
 from omniservo.robots.collision.own_sight import own_sight_in
@@ -97,6 +97,22 @@ def test_the_mounts_error_moves_what_stands_still_by_no_more_than_is_kept():
         worst.append(np.linalg.norm(there.inv().apply(x) - pose.inv().apply(x)))
     assert np.quantile(worst, 0.99) < room < 6.0 * np.quantile(worst, 0.99)
     assert mount_room(pose, None, 0.5) == 0.0
+
+
+def test_what_is_kept_in_the_image_holds_for_a_camera_that_is_turned_and_displaced():
+    fisheye = preset("fe185")
+    points = np.array([[0.3, 0.2, 0.4], [-0.2, 0.1, 0.5], [0.0, 0.0, 0.3]])
+    before, rng = fisheye.project(points)[0], np.random.default_rng(7)
+    for turned, off in ((1e-4, 0.0), (0.0, 1e-4), (1e-4, 1e-4)):
+        most = 0.0
+        for _ in range(300):
+            turn, shift = rng.standard_normal((2, 3))
+            turn, shift = turned * turn / np.linalg.norm(turn), off * shift / np.linalg.norm(shift)
+            pose = RigidTransform.from_exp_coords(np.concatenate([turn, shift]))
+            gone = np.linalg.norm(fisheye.project(pose.apply(points))[0] - before, axis=1)
+            most = max(most, float(gone.max()))
+        kept = _image_room(fisheye, points, turned, off)
+        assert 0.5 * kept < most < 1.001 * kept
 
 
 def test_room_for_the_mounts_error_is_kept_off_what_comes_near_on_the_way_only(standing):
