@@ -127,3 +127,13 @@ def test_show_cannot_draw_into_a_file(tmp_path, capsys):
         main(["camera", "show", "fe185", "--out", str(tmp_path / "field")])
     assert end.value.code == 2
     assert "--out" in capsys.readouterr().err
+
+
+def test_an_image_of_another_size_is_named(tmp_path, capsys):
+    image, out = tmp_path / "small.png", tmp_path / "view.png"
+    Image.fromarray(np.zeros((24, 32), dtype=np.uint8)).save(image)
+    with pytest.raises(SystemExit) as end:
+        main(["camera", "rectify", "fe185", str(image), str(out)])
+    assert end.value.code == 2
+    assert capsys.readouterr().err == f"omniservo: {image}: 32×24 px; the camera has 659×432\n"
+    assert not out.exists()

@@ -43,6 +43,7 @@ WRONG_CALLS = [
     (["plan", "missing.json"], 2, "missing.json: no such file\n"),
     (["run", "paper-example-1", "--goal", "missing.json"], 2, "missing.json: no such file\n"),
     (["estimate"], 2, "give a TASK alone"),
+    (["estimate", "one.png", "--camera", "fe185"], 2, "one.png: a single image; estimate: give a TASK alone"),
 ]
 
 

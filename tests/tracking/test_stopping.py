@@ -219,6 +219,13 @@ def test_a_pose_off_the_goal_is_not_done_even_where_the_pixels_agree():
             assert stop.holds(1.0, 0.0, same) is done
 
 
+def test_an_error_that_is_no_number_is_not_near():
+    goal = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+    stop = StopCriterion(goal, TrackerOptions(settled_frames=1))
+    assert not stop.holds(0.0, np.nan, goal)
+    assert stop.holds(1.0, 0.0, goal)
+
+
 def test_noise_around_the_goal_pose_averages_out():
     goal = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
     stop = StopCriterion(goal, TrackerOptions(settled_frames=4))

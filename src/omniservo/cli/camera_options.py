@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -12,6 +12,10 @@ from omniservo.cli.completion import camera_names
 from omniservo.errors import InputError, spelled
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
+    import numpy.typing as npt
+
     from omniservo.cameras.models import CentralModel
 
 LARGEST_PX = 1.0
@@ -130,6 +134,13 @@ class LensOptions(CameraFile):
 
             as_unified(found, camera, largest_px)
         return found
+
+
+def refuse_other_size(path: Path, image: npt.NDArray[Any], camera: CentralModel) -> None:
+    """Raise InputError where an image's size is not the camera's."""
+    height, width = image.shape[:2]
+    if (height, width) != (camera.height, camera.width):
+        raise InputError(f"{path}: {width}×{height} px; the camera has {camera.width}×{camera.height}")
 
 
 def size_from_text(option: str, text: str) -> tuple[int, int]:

@@ -8,10 +8,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from omniservo.cli.camera_options import CameraFile, CameraOption, LargestOption, MaxAngleOption
+from omniservo.cli.camera_options import (
+    CameraFile,
+    CameraOption,
+    LargestOption,
+    MaxAngleOption,
+    refuse_other_size,
+)
 from omniservo.cli.grouped import grouped
 from omniservo.cli.output import Output, answer_is_no
-from omniservo.errors import InputError
 from omniservo.files import require_file
 
 if TYPE_CHECKING:
@@ -41,11 +46,8 @@ def check(
         if largest_px is not None:
             as_unified(opened, camera, largest_px)
         images = [read_grey_image(path) for path in (reference, now)]
-        for path, (height, width) in zip((reference, now), (image.shape for image in images), strict=True):
-            if (height, width) != (opened.height, opened.width):
-                raise InputError(
-                    f"{path}: {width}×{height} px; the camera has {opened.width}×{opened.height}"
-                )
+        for path, image in zip((reference, now), images, strict=True):
+            refuse_other_size(path, image, opened)
         progress("finding the reference again")
         found = check_camera(opened, *images)
     output.result(found.to_dict(), "camera-check")

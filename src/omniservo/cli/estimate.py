@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
+from mimetypes import guess_type
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -173,6 +174,8 @@ def _check_files(task: str | None, camera: str | None, *images: Path | None) -> 
     if task is None and None in (camera, *images):
         raise InputError(_NEEDED)
     if task is not None:
+        if (guess_type(task)[0] or "").startswith("image/"):
+            raise InputError(f"{task}: a single image; {_NEEDED}")
         task_file(task)
     for image in filter(None, images):
         require_file(image)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from omniservo.cli.camera_options import CameraArgument, CameraFile, size_from_text
+from omniservo.cli.camera_options import CameraArgument, CameraFile, refuse_other_size, size_from_text
 from omniservo.cli.grouped import grouped
 from omniservo.cli.output import ForceOption, Output
 from omniservo.errors import InputError
@@ -63,11 +63,10 @@ def rectify(
         from omniservo.cameras.rectify import rectify as rectified
         from omniservo.files.image_files import read_image, write_png
 
-        source = file.open(camera)
+        source, pixels = file.open(camera), read_image(image)
+        refuse_other_size(image, pixels, source)
         progress("resampling")
-        seen = rectified(
-            source, read_image(image), _view(view, field_of_view, shape), direction=ahead, up=above
-        )
+        seen = rectified(source, pixels, _view(view, field_of_view, shape), direction=ahead, up=above)
     write_png(seen.image, out, force=force)
     share = float(seen.valid.mean())
     output.written(out, f"; the camera sees {100.0 * share:.0f}% of it")

@@ -33,7 +33,7 @@ class StopCriterion:
 
         A frame taken at the same ``time`` [s] as the last is that image again and does not count twice.
         """
-        if goal_error_px > self._options.tolerance_px:
+        if not goal_error_px <= self._options.tolerance_px:  # nor is NaN near
             self._gaps.clear()
         elif time > self._time or not self._gaps:
             self._gaps.append(self._gap(pose))
