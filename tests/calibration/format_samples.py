@@ -229,6 +229,34 @@ Stereo.T_c1_c2: !!opencv-matrix
 ORBextractor.nFeatures: 1000
 """
 
+OKVIS = (
+    "%YAML:1.0\ncameras:\n"
+    "     - {T_SC:\n        [ 1.0, 0.0, 0.0, 0.1, 0.0, 1.0, 0.0, 0.0,\n"
+    "          0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0],\n"
+    "        image_dimension: [640, 480],\n        distortion_coefficients: [0.01, -0.02, 0.003, -0.0004],\n"
+    "        distortion_type: equidistant,\n        focal_length: [311.0, 312.0],\n"
+    "        principal_point: [320.25, 239.5]}\n"
+    "     - {image_dimension: [640, 480],\n"
+    f"        distortion_coefficients: {list(RATIONAL.distortion)},\n"
+    "        distortion_type: radialtangential8,\n        focal_length: [611.0, 612.0],\n"
+    "        principal_point: [320.25, 239.5]}\n"
+    "camera_params:\n    camera_rate: 30 # of both\n"
+)
+
+PY_OCAM = {
+    "date": "18052022_154907",
+    "camera_name": "a fisheye",
+    "valid": [True, False],
+    "taylor_coefficient": [338.0, 0.0, -1.2e-3, 1.4e-6, -3.0e-9],
+    "distortion_center": [544.0, 377.5],
+    "stretch_matrix": [[1.0, 1.5e-4], [1.75e-4, 1.0]],
+    "inverse_poly": [-1.35, 12.9, 338.0],
+    "rms_overall": 0.24,
+}
+OCAM_OF_PY = OcamPolynomial(
+    (-338.0, 0.0, 1.2e-3, -1.4e-6, 3.0e-9), 544.0, 377.5, 1032, 778, stretch=(1.0, 1.75e-4, 1.5e-4)
+)
+
 EUROC = (
     "# General sensor definitions.\nsensor_type: camera\ncomment: a camera\n"
     "T_BS:\n  cols: 4\n  rows: 4\n  data: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\n"
@@ -423,6 +451,25 @@ SAMPLES = {
         {},
         RADTAN,
     ),
+    "stella_vslam, fisheye": (
+        'System:\n  map_format: "msgpack"\nCamera:\n  name: "a fisheye"\n'
+        '  setup: "monocular"\n  model: "fisheye"\n'
+        "  fx: 311.0\n  fy: 312.0\n  cx: 320.25\n  cy: 239.5\n  k1: 1.0e-02\n  k2: -0.02\n  k3: 0.003\n"
+        '  k4: -4.0e-04\n  fps: 30.0\n  cols: 640\n  rows: 480\n  color_order: "RGB"\n',
+        {},
+        FISHEYE,
+    ),
+    "OpenVSLAM, perspective": (
+        'Camera.name: "a camera"\nCamera.setup: "monocular"\nCamera.model: "perspective"\nCamera.fx: 611.0\n'
+        "Camera.fy: 612.0\nCamera.cx: 320.25\nCamera.cy: 239.5\nCamera.k1: -0.3\nCamera.k2: 0.1\n"
+        "Camera.p1: 0.001\nCamera.p2: -0.002\nCamera.k3: 0.02\nCamera.fps: 30.0\nCamera.cols: 640\n"
+        "Camera.rows: 480\n",
+        {},
+        BROWN,
+    ),
+    "OKVIS, equidistant": (OKVIS, {"name": "cam0"}, FISHEYE),
+    "OKVIS, eight coefficients": (OKVIS, {"name": "cam1"}, RATIONAL),
+    "py-OCamCalib, size from the caller": (json.dumps(PY_OCAM), {"size": (1032, 778)}, OCAM_OF_PY),
     "ORB-SLAM3, rectified": (
         'Camera.type: "Rectified"\nCamera1.fx: 611.0\nCamera1.fy: 612.0\nCamera1.cx: 320.25\n'
         "Camera1.cy: 239.5\nCamera.width: 640\nCamera.height: 480\n",

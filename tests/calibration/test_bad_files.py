@@ -103,6 +103,24 @@ CHANGES = [
     ),
     ("ORB-SLAM3, the first of a stereo fisheye", ("Camera1.k2: -0.02\n", ""), "Camera1.k2: missing"),
     (
+        "stella_vslam, fisheye",
+        ('"fisheye"', '"equirectangular"'),
+        "line 6: Camera.model: 'equirectangular' given; legal: 'perspective', 'fisheye'",
+    ),
+    ("OpenVSLAM, perspective", ("Camera.k3: 0.02\n", ""), "Camera.k3: missing"),
+    (
+        "OKVIS, equidistant",
+        ("equidistant", "fov"),
+        "cameras[0].distortion_type: 'fov' given; legal: 'radialt",
+    ),
+    (
+        "OKVIS, equidistant",
+        (", -0.0004]", "]"),
+        "cameras[0].distortion_coefficients: [0.01, -0.02, 0.003] given",
+    ),
+    ("py-OCamCalib, size from the caller", ("0.000175, 1.0", "0.000175, 2.0"), "stretch_matrix[1]: 2 given"),
+    ("py-OCamCalib, size from the caller", ("338.0, 0.0", "NaN, 0.0"), "taylor_coefficient"),
+    (
         "ORB-SLAM3, the first of a stereo fisheye",
         ("Camera1.fx: 311.0", "Camera1.fx: 0"),
         "Camera1.fx: 0 given",

@@ -6,7 +6,7 @@ from functools import partial
 import cv2
 import numpy as np
 import pytest
-from tests.calibration.format_samples import CAMERAS, OCAM, SAMPLES
+from tests.calibration.format_samples import CAMERAS, OCAM, PY_OCAM, SAMPLES
 
 from omniservo.camera_files import FORMATS, closest_model, load_camera, load_model, save_camera
 from omniservo.camera_files.camera_files import WRITTEN
@@ -132,6 +132,22 @@ def test_written_ocamcalib_inverse_polynomial_inverts_as_the_file_says(tmp_path,
     columns_seen = e * x / flat * rho + y / flat * rho + column
     assert valid.all()
     assert np.abs(np.column_stack([columns_seen, rows_seen]) - pixels).max() < 1.1 * said
+
+
+def test_py_ocamcalib_pixels_have_the_rays_that_its_cam2world_gives(tmp_path):
+    """Its formula: S⁻¹ (pixel − centre) = (x, y), and the ray (x, y, a0 + a1ρ + …)."""
+    stretch = np.array([[1.0033, 1.5e-4], [1.75e-4, 1.0]])
+    path = tmp_path / "calibration.json"
+    path.write_text(json.dumps({**PY_OCAM, "stretch_matrix": stretch.tolist()}))
+    camera = load_model(path, size=(1032, 778))
+    pixels = np.random.default_rng(3).uniform([60.0, 40.0], [970.0, 730.0], (200, 2))
+    x, y = np.linalg.solve(stretch, (pixels - PY_OCAM["distortion_center"]).T)
+    z = np.polynomial.polynomial.polyval(np.hypot(x, y), PY_OCAM["taylor_coefficient"])
+    rays, valid = camera.unproject(pixels)
+    assert valid.all()
+    expected = np.stack([x, y, z], axis=-1) / np.sqrt(x * x + y * y + z * z)[:, None]
+    np.testing.assert_allclose(rays, expected, atol=1e-12)
+    assert camera.project(expected)[0] == pytest.approx(pixels, abs=1e-6)
 
 
 def test_tum_vi_camera_is_the_same_in_four_formats_to_85_degrees(shared_data):

@@ -20,12 +20,15 @@ from omniservo.camera_files.formats import (
     metashape,
     nerfstudio,
     ocamcalib,
+    okvis,
     opencv,
     orb_slam,
     ost,
     own,
+    py_ocamcalib,
     realsense,
     ros,
+    stella_vslam,
     svo,
     visp,
     woodscape,
@@ -82,7 +85,10 @@ _READERS: tuple[_Reader, ...] = (
     colmap,
     mei_toolbox,
     visp,
+    stella_vslam,
     orb_slam,
+    okvis,
+    py_ocamcalib,
     euroc,
     nerfstudio,
     metashape,
@@ -121,7 +127,7 @@ def load_model(
 ) -> CentralModel:
     """Return the camera of a calibration file as the file has it; its content tells the format.
 
-    Read are our own format and those of twenty other programs; docs/camera.md lists which, and what of each.
+    Read are our own format and those of other programs; docs/camera.md lists which, and what of each.
 
     Args:
         path: a file of at most 1 MB. Nothing in it is executed or followed.
@@ -153,8 +159,9 @@ def read_model(
     if reader is None:
         raise InputError(
             f"{path}: no known camera format; legal: omniservo.camera/1, OpenCV, Kalibr, CamOdoCal / VINS,"
-            " Basalt, ROS, OCamCalib, SVO, maplab, BoofCV, COLMAP, Mei (xi), ViSP, ORB-SLAM, EuRoC,"
-            " nerfstudio, Metashape, RealSense, DepthAI, WoodScape. Write any other as OpenCV has it:"
+            " Basalt, ROS, OCamCalib, py-OCamCalib, SVO, maplab, BoofCV, COLMAP, Mei (xi), ViSP, ORB-SLAM,"
+            " stella_vslam, OKVIS, EuRoC, nerfstudio, Metashape, RealSense, DepthAI, WoodScape. Write any"
+            " other as OpenCV has it:"
             ' {"K": [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], "D": […], "image_size": [width, height]}'
         )
     if model is not None and reader not in (opencv, ost):

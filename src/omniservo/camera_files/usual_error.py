@@ -37,6 +37,7 @@ _RMS = (
     "reprojection_error",
     "rms_reprojection_error",
     "rms",
+    "rms_overall",
     "rms_px",
     "rmse",
 )
