@@ -43,6 +43,14 @@ def test_distance_to_the_lens_circle_is_zero_on_it_and_nothing_beyond_it_counts_
     assert not image_distance(camera, np.add(on_it, [1.0, 0.0])) >= 0.0
 
 
+@pytest.mark.parametrize(("xi", "angle", "rim"), [(0.6, 2.4, np.inf), (1.0, np.pi, np.inf), (1.3, 2.6, 1.0)])
+def test_an_angle_past_the_models_domain_limits_no_more_than_the_domain(xi, angle, rim):
+    camera = UnifiedCamera(150.0, 150.0, 319.5, 239.5, xi, 640, 480, max_angle=angle)
+    circle = rim * 150.0 / np.sqrt(1.3**2 - 1.0)
+    pixels = np.array([[319.5, 239.5], [369.5, 239.5]])
+    np.testing.assert_allclose(image_distance(camera, pixels), np.minimum(240.0, circle - [0.0, 50.0]))
+
+
 def test_distance_to_a_dead_zone_is_negative_inside():
     camera = UnifiedCamera(400.0, 400.0, 319.5, 239.5, 1.0, 640, 480, dead_zone=((320.0, 240.0), 50.0))
     assert image_distance(camera, np.array([320.0, 240.0])) == pytest.approx(-50.0)

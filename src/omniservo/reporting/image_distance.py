@@ -9,6 +9,7 @@ from scipy.spatial import cKDTree
 
 from omniservo.cameras import UnifiedCamera
 from omniservo.cameras.image_mask import distance_beyond
+from omniservo.cameras.model_domain import radius_of_angle
 from omniservo.cameras.models import CentralModel
 from omniservo.geometry.arrays import FloatArray
 
@@ -20,8 +21,9 @@ def image_distance(camera: CentralModel, pixels: FloatArray) -> FloatArray:
 
     The limits are those that visibility margins are stated for: the edges at −½, W−½, −½, H−½; the circle
     of the largest angle, for a unified camera at (r(θ_max) − r)·σ with r the radius on the normalised plane
-    before distortion, r(θ) = sin θ/(cos θ + ξ), and σ the smallest singular value of K's upper left 2×2
-    block, for another where the image has it; the dead zone; the mask, so far as its edges can move outward.
+    before distortion, r(θ) = sin θ/(cos θ + ξ), past the model's domain its rim, and σ the smallest singular
+    value of K's upper left 2×2 block, for another where the image has it; the dead zone; the mask, so far as
+    its edges can move outward.
 
     Args:
         camera: of any model.
@@ -48,7 +50,7 @@ def _to_rim(camera: CentralModel, angle: float, pixels: FloatArray) -> FloatArra
     if isinstance(camera, UnifiedCamera):
         across = np.hypot(bearings[..., 0], bearings[..., 1])
         radius = across / (bearings[..., 2] + camera.xi)
-        largest = math.sin(angle) / (math.cos(angle) + camera.xi)
+        largest = radius_of_angle(camera.xi, angle)
         scale = np.linalg.svd(camera.matrix[:2, :2], compute_uv=False)[-1]
         return np.asarray((largest - radius) * scale)
     around = np.linspace(0.0, 2.0 * np.pi, _ROUND)
