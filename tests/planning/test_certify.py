@@ -19,6 +19,8 @@ from omniservo.planning import (
     certify,
     plan_path,
 )
+from omniservo.planning.certificate.certificate import ConstraintMargin
+from omniservo.planning.certificate.certify import worst_of
 from omniservo.planning.certificate.path_ends import ends_off
 from omniservo.verification import verify_plan
 
@@ -112,6 +114,17 @@ def test_the_worst_constraint_is_that_of_the_smallest_margin_as_an_angle(paper, 
     units = {"m": distance, "px": min(problem.camera.fx, problem.camera.fy), "rad": 1.0, "1": 1.0}
     assert certificate.worst == min(certificate.constraints, key=lambda c: c.margin / units[c.unit])
     assert certificate.worst.unit == unit
+
+
+def test_of_margins_that_are_one_angle_but_for_rounding_the_smaller_is_the_worst(paper):
+    """The verifier compares the margins themselves."""
+    problem, larger, ell = paper(1), 0.3, 0.57
+    smaller = np.nextafter(larger, 0.0)
+    assert smaller / ell == larger / ell
+    found = [
+        ConstraintMargin(f"workspace x {end}", m, "m", 0.0) for end, m in (("min", larger), ("max", smaller))
+    ]
+    assert worst_of(problem, found, ell) == found[1]
 
 
 def test_a_violation_is_refuted_with_the_place_where_it_is_worst(paper):

@@ -60,10 +60,13 @@ def certify(problem: PlanningProblem, path: CameraPath) -> tuple[Verdict, Certif
 
 
 def worst_of(problem: PlanningProblem, found: list[ConstraintMargin], ell: float) -> ConstraintMargin:
-    """Return the smallest margin as an angle: m over the mean distance ℓ, px over the focal length."""
+    """Return the smallest margin as an angle: m over the mean distance ℓ, px over the focal length.
+
+    Of two that are one angle but for rounding the smaller margin: no line of its unit has less left.
+    """
     focal = min(abs(problem.camera.fx), abs(problem.camera.fy))
     unit = {"m": ell, "px": focal, "rad": 1.0, "1": 1.0}
-    return min(found, key=lambda c: c.margin / unit[c.unit])
+    return min(found, key=lambda c: (c.margin / unit[c.unit], c.margin))
 
 
 def _check_path(problem: PlanningProblem, path: CameraPath) -> None:
