@@ -1,5 +1,7 @@
 """Distorted cameras: limits are a convex polygon that the plan carries."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
@@ -132,6 +134,10 @@ def test_a_point_lost_only_to_the_polygon_is_undecided_and_never_infeasible():
     plan = plan_path(asked)
     assert plan.status == "undecided"
     assert "visibility polygon (point 0)" in plan.reason
+    tight = replace(asked, obstacles=(Sphere([0.1, 0.0, 0.0]),), clearance=0.0999999)
+    plan = plan_path(tight)
+    assert plan.certificate.worst.name == "clearance obstacle 0"
+    assert "visibility polygon (point 0)" in plan.reason, "a constraint that is proven is no reason"
 
 
 def test_a_path_that_leaves_a_distorted_image_is_refuted():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 
 from omniservo.planning.camera_path import CameraPath
-from omniservo.planning.certificate.certify import certify
+from omniservo.planning.certificate.certify import certified_but_for
 from omniservo.planning.plan import Plan, Status
 from omniservo.planning.planning_problem import PlanningProblem
 
@@ -24,11 +24,10 @@ def judged_plan(
         looked: how far was looked for a path: a path that is not certified is the best attempt, and the plan
             not found. "": it is judged as it is.
     """
-    verdict, certificate = certify(problem, path)
+    verdict, certificate, missing = certified_but_for(problem, path)
     status: Status = verdict
-    if verdict != "certified":
-        worst = certificate.worst
-        where = f"{worst.name}: {worst.margin:.6g} {worst.unit} left at w = {worst.w:.4f}"
+    if missing is not None:  # the certificate's worst may be one that is proven and just met
+        where = f"{missing.name}: {missing.margin:.6g} {missing.unit} left at w = {missing.w:.4f}"
         if looked and not (verdict == "undecided" and problem.camera.is_distorted):
             status = "not_found"
             note = f"{looked}; the best attempt fails {where}"

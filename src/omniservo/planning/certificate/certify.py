@@ -33,6 +33,13 @@ def certify(problem: PlanningProblem, path: CameraPath) -> tuple[Verdict, Certif
         InputError: the path does not start at the identity, with the initial velocity where there is one, or
             end at the goal, or its degrees exceed the problem's: it is no path of this problem.
     """
+    return certified_but_for(problem, path)[:2]
+
+
+def certified_but_for(
+    problem: PlanningProblem, path: CameraPath
+) -> tuple[Verdict, Certificate, ConstraintMargin | None]:
+    """Return what `certify` does, and the worst constraint that is not proven; None: all are."""
     _check_path(problem, path)
     constraints, optics, entries, asked = constraint_table_of(problem)
     rotation, translation = path.powers
@@ -55,8 +62,10 @@ def certify(problem: PlanningProblem, path: CameraPath) -> tuple[Verdict, Certif
     refuted, proven = REFUTED in statuses, all(s == PROVEN for s in statuses)
     verdict: Verdict = "refuted" if refuted else "certified" if proven else "undecided"
     worst = worst_of(problem, found, constraints.ell)
+    open_ones = [c for c, status in zip(found, statuses, strict=True) if status != PROVEN]
+    missing = worst_of(problem, open_ones, constraints.ell) if open_ones else None
     separators = separators_of(constraints, entries, table, translation)
-    return verdict, Certificate(tuple(found), worst, polygon, separators)
+    return verdict, Certificate(tuple(found), worst, polygon, separators), missing
 
 
 def worst_of(problem: PlanningProblem, found: list[ConstraintMargin], ell: float) -> ConstraintMargin:
