@@ -140,6 +140,19 @@ def test_a_point_lost_only_to_the_polygon_is_undecided_and_never_infeasible():
     assert "visibility polygon (point 0)" in plan.reason, "a constraint that is proven is no reason"
 
 
+@pytest.mark.parametrize(
+    "zone", [{"dead_zone": ((325.0, 245.0), 40.0)}, {"mask": [[[300, 200], [340, 200], [340, 260]]]}]
+)
+def test_a_target_that_the_lens_never_sees_has_no_plan(zone):
+    """Beyond the lens's largest angle all the way: there is no pixel to measure from the zone."""
+    asked = problem(camera=camera(max_angle=0.5, **zone), points=POINTS + np.array([0.0, 1.5, 0.0]))
+    plan = plan_path(asked)
+    assert plan.status == "not_found"
+    assert "visibility polygon" in plan.reason
+    assert all(np.isfinite(c.margin) for c in plan.certificate.constraints)
+    assert verify_plan(plan).status == "refuted"
+
+
 def test_a_path_that_leaves_a_distorted_image_is_refuted():
     asked = problem(obstacles=(), visibility_margin=0.0)
     plan = plan_path(asked)

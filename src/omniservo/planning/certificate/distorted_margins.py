@@ -139,6 +139,7 @@ def _seen_margins(problem: PlanningProblem, path: CameraPath) -> list[tuple[str,
     result = []
     for name, values in seen:
         step, point = np.unravel_index(int(np.argmin(values)), values.shape)
-        smallest = max(-1e6, float(values[step, point]) - problem.image_margin)
+        left = float(values[step, point]) - problem.image_margin
+        smallest = max(-1e6, left) if left < math.inf else 0.0  # no pixel at all: nothing is seen to be left
         result.append((name, (smallest, float(w[step]), int(point))))
     return result
