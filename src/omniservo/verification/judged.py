@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
+from math import inf
 from typing import Any
 
 from omniservo.verification.camera_path import CameraPath, CameraPoint, camera_points
@@ -68,9 +69,12 @@ class Case:
             return f"{self.name}: a margin of {float(self.margin):.9g} is neither proven nor refuted"
         unit, candidates = self.constraint.unit, [Fraction(k, _SAMPLES) for k in range(_SAMPLES + 1)]
         needed = f"{max(0.0, float(self.margin)):.9g} {unit} needed"
+        left, w = inf, self.finding.w
         try:
             left, w = min((self.constraint.left(self.subject, w), w) for w in (self.finding.w, *candidates))
         except (WorkExceeded, *BEYOND_FLOATS):
+            pass
+        if left >= max(0.0, float(self.margin)):  # floating point does not see what was violated
             return f"{self.name}: violated at w = {float(self.finding.w):.6g}, {needed}"
         return f"{self.name}: {left:.9g} {unit} left at w = {float(w):.6g}, {needed}"
 
