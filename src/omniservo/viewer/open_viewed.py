@@ -15,7 +15,8 @@ from omniservo.errors import InputError, spelled
 from omniservo.estimation import TwoViewEstimate
 from omniservo.files import read_document
 from omniservo.geometry.arrays import FloatArray
-from omniservo.planning import Plan, PlanningProblem, certify
+from omniservo.planning import Plan, PlanningProblem
+from omniservo.planning.certificate.certify import certified_but_for
 from omniservo.planning.plan import FORMAT as PLAN_FORMAT
 from omniservo.planning.problem_file import FORMAT as PROBLEM_FORMAT
 from omniservo.reporting.image_distance import image_distance
@@ -99,11 +100,11 @@ def judged_again(plan: Plan) -> Plan:
     """
     if plan.path is None:
         return replace(plan, status="infeasible" if plan.status == "certified" else plan.status)
-    verdict, certificate = certify(plan.problem, plan.path)
-    if plan.status != "certified" or verdict == "certified":
+    verdict, certificate, missing = certified_but_for(plan.problem, plan.path)
+    if plan.status != "certified" or missing is None:
         return replace(plan, certificate=certificate)
-    worst = certificate.worst
-    reason = f"its file says certified; judged again: {worst.name}: {worst.margin:.6g} {worst.unit} left"
+    amount = f"{missing.margin:.6g} {missing.unit} left"
+    reason = f"its file says certified; judged again: {missing.name}: {amount}"
     return replace(plan, status=verdict, certificate=certificate, reason=reason)
 
 
