@@ -326,7 +326,10 @@ def test_a_stopped_run_of_an_unknown_task_with_evil_words(stopped_run, one_figur
 def test_methods_stand_side_by_side(run, made_up_run, one_figure, tmp_path):
     classical = made_up_run(method="ibvs", steps=6)
     classical.log.contacts.add(("forearm", "obstacle 0"))
-    classical.metrics.update(contacts=[["forearm", "obstacle 0"]], clearance_executed_m=0.021)
+    short = classical.task.planning.visibility_margin - 0.5
+    classical.metrics.update(
+        contacts=[["forearm", "obstacle 0"]], clearance_executed_m=0.021, visibility_executed_px=short
+    )
     write_report(tmp_path, [run, classical])
     page, structure = read(tmp_path)
     assert not structure.wrong
@@ -340,6 +343,7 @@ def test_methods_stand_side_by_side(run, made_up_run, one_figure, tmp_path):
     of_joints = {word for word in structure.words if word.startswith("Joint path")}
     assert of_joints == {"Joint path: Certified plan"}
     assert '<span class="no">21.00 mm</span>' in page
+    assert f'<span class="no">{short:.2f} px</span>' in page, "in view, but by less than is required"
     assert "omniservo run paper-example-1 --method certified --method ibvs" in structure.words
 
 

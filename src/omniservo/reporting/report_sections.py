@@ -323,6 +323,6 @@ def _judged(result: RunResult, name: str) -> Cell:
     least = {
         "clearance_executed_m": result.task.planning.clearance,
         "arm_clearance_executed_m": 0.0,
-        "visibility_executed_px": 0.0,
+        "visibility_executed_px": result.task.planning.visibility_margin,
     }.get(name)
     return words if least is None else _marked(words, value > least or value == least != 0.0)
