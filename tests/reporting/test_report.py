@@ -13,7 +13,15 @@ from omniservo.reporting import write_report
 from omniservo.reporting.margins import certified_clearance, clearance
 from omniservo.reporting.metric_meanings import meaning_of, spell_metric
 from omniservo.reporting.promise_words import CERTIFIED, EXECUTED, REQUIRED
-from omniservo.reporting.report_sections import key_numbers, paper_and_ours, reproduce, timings, verdict
+from omniservo.reporting.report_sections import (
+    key_numbers,
+    metrics,
+    paper_and_ours,
+    reproduce,
+    side_by_side,
+    timings,
+    verdict,
+)
 from omniservo.reporting.spelling import reads_less, significant, spell, spell_bound
 from omniservo.reporting.verdict import planner_sentence, verdict_of
 from omniservo.reporting.views import outside
@@ -272,13 +280,24 @@ def test_report_contains_every_metric_with_its_value(report, run):
     for name, value in run.metrics.items():
         assert name in words
         assert meaning_of(name).label in words
-        assert spell_metric(name, value) in words
+        bound = meaning_of(name).label.endswith(CERTIFIED)
+        assert (spell_bound(value, meaning_of(name).unit) if bound else spell_metric(name, value)) in words
+
+
+def test_a_number_is_called_certified_only_where_the_plan_is(run):
+    label = meaning_of("clearance_planned_m").label
+    assert label.endswith(CERTIFIED)
+    assert "<td>≥ 61.20 mm</td>" in metrics(run).html
+    followed = replace(run, plan=replace(run.plan, status="undecided"))
+    assert "<td>61.20 mm, not certified</td>" in metrics(followed).html
+    assert "<td>61.20 mm, not certified</td>" in side_by_side([run, followed]).html
 
 
 def test_report_contains_every_constraint_of_the_certificate(report, run):
     _, structure = report
     for constraint in run.plan.certificate.constraints:
         assert constraint.name in structure.words
+        assert spell_bound(constraint.margin, constraint.unit) in structure.words
 
 
 def test_what_uncertainty_takes_stands_in_the_report(stopped_run, one_figure, tmp_path):

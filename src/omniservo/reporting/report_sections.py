@@ -21,7 +21,8 @@ from omniservo.reporting.html import (
 from omniservo.reporting.margins import certified_clearance, certified_visibility
 from omniservo.reporting.metric_meanings import meaning_of, spell_contacts, spell_metric
 from omniservo.reporting.paper_table import PAPER, comparison_table
-from omniservo.reporting.spelling import NOTHING, reads_less, spell, spell_bound
+from omniservo.reporting.promise_words import CERTIFIED
+from omniservo.reporting.spelling import reads_less, spell, spell_bound
 from omniservo.reporting.verdict import plan_sentence, planner_sentence, verdict_of
 from omniservo.results.run_result import RunResult
 from omniservo.run_methods import COMPARE, COMPARED, METHODS
@@ -207,8 +208,7 @@ def paper_and_ours(result: RunResult) -> Markup | None:
 def metrics(result: RunResult) -> Markup:
     """Return every metric with its meaning and its name in metrics.json."""
     rows: list[list[Cell]] = [
-        [meaning_of(name).label, spell_metric(name, value), tag("code", name)]
-        for name, value in result.metrics.items()
+        [meaning_of(name).label, _said(result, name), tag("code", name)] for name in result.metrics
     ]
     return table(["quantity", "value", "in metrics.json"], rows)
 
@@ -224,7 +224,7 @@ def certificate(result: RunResult) -> Markup | None:
         rows.append(
             [
                 joined([c.name, tag("span", "worst", class_="badge")]) if tightest else c.name,
-                spell(c.margin, c.unit),
+                spell_bound(c.margin, c.unit) if _is_certified(result) else spell(c.margin, c.unit),
                 f"{c.w:.3f}",
             ]
         )
@@ -310,6 +310,19 @@ def animation(data: bytes, result: RunResult) -> Markup:
     )
 
 
+def _is_certified(result: RunResult) -> bool:
+    return result.plan is not None and result.plan.status == "certified"
+
+
+def _said(result: RunResult, name: str) -> str:
+    """Return a metric for people; what its label calls certified is a bound, or said not to be certified."""
+    value = result.metrics.get(name)
+    if not isinstance(value, int | float) or not meaning_of(name).label.endswith(CERTIFIED):
+        return spell_metric(name, value)
+    unit = meaning_of(name).unit
+    return spell_bound(value, unit) if _is_certified(result) else f"{spell(value, unit)}, not certified"
+
+
 def _marked(words: str, good: bool) -> Markup:
     return tag("span", words, class_="ok" if good else "no")
 
@@ -317,7 +330,7 @@ def _marked(words: str, good: bool) -> Markup:
 def _judged(result: RunResult, name: str) -> Cell:
     """Return a metric, marked where it breaks what the task requires."""
     value = result.metrics.get(name)
-    words = spell_metric(name, value) if name in result.metrics else NOTHING
+    words = _said(result, name)
     if not isinstance(value, int | float):
         return words
     least = {

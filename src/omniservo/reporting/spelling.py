@@ -24,16 +24,19 @@ def spell(value: float | None, unit: str) -> str:
         factor, name = next((t for t in _TIMES if abs(value) >= t[0]), _TIMES[-1])
         return f"{significant(value / factor)} {name}"
     factor, name = _UNITS.get(unit, (1.0, unit))
-    number = significant(value * factor)
-    return f"{number}{name}" if name in ("°", "%") else f"{number} {name}".rstrip()
+    return _named(significant(value * factor), name)
 
 
 def spell_bound(value: float | None, unit: str) -> str:
-    """Return a proven lower bound of a length or of pixels, rounded down: what is written is proven, too."""
+    """Return a proven lower bound, rounded down: what is written is proven, too."""
     if value is None or math.isnan(value):
         return NOTHING
     factor, name = _UNITS.get(unit, (1.0, unit))
-    return f"≥ {significant(_rounded_down(value * factor))} {name}"
+    return f"≥ {_named(significant(_rounded_down(value * factor)), name)}"
+
+
+def _named(number: str, unit: str) -> str:
+    return f"{number}{unit}" if unit in ("°", "%") else f"{number} {unit}".rstrip()
 
 
 def reads_less(value: float, bound: float, unit: str) -> bool:
