@@ -99,6 +99,15 @@ def test_every_field_that_differs_is_named_with_both_values(case, place, value, 
         assert backwards == {(d.field, str(d.plan), str(d.problem)) for d in answer.differences}
 
 
+@pytest.mark.parametrize("normal", ["up", [0.0, 0.0], [10**400]])
+def test_what_stands_in_a_field_that_no_proof_reads_is_only_compared(case, normal):
+    document = changed(case, ("problem", "camera", "model_error"), {"normal": normal})
+    assert verify_plan(document, problem=document["problem"]).status == "certified"
+    meant = changed(document["problem"], ("camera", "model_error"), {"normal": 1})
+    (found,) = verify_plan(document, problem=meant).differences
+    assert found.field == "camera.model_error.normal"
+
+
 def test_a_missing_or_surplus_obstacle_and_point_is_named(case):
     fewer = changed(case["problem"], ("obstacles", 2), None)
     found = verify_plan(case, problem=fewer).differences

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from math import hypot
 from typing import Any, NamedTuple
 
-from omniservo.verification.fields import shown
+from omniservo.verification.fields import BEYOND_FLOATS, shown
 
 _PROBLEM = {
     "clearance": 0,
@@ -100,7 +100,10 @@ def _same_direction(name: str, plan: Any, meant: Any) -> bool:
     """True where two near unit vectors have one direction; q and −q are one rotation."""
     if plan is None or meant is None:
         return False
-    first, second = ([x / hypot(*v) for x in v] for v in (plan, meant))
+    try:
+        first, second = ([x / hypot(*v) for x in v] for v in (plan, meant))
+    except (TypeError, *BEYOND_FLOATS):  # in a field that no proof reads anything may stand
+        return False
     signs = (1, -1) if name == "quaternion" else (1,)
     return any(
         all(abs(a - sign * b) <= _SAME_DIRECTION for a, b in zip(first, second, strict=True))
