@@ -10,11 +10,13 @@ from omniservo.planning import PlanningProblem, Sphere, plan_path
 from omniservo.planning.obstacles.obstacle import KINDS
 from omniservo.tasks import load_task, shipped_tasks
 from omniservo.tasks.save_task import save_task
+from omniservo.viewer.along_path import MarginCurve, camera_curves
 from omniservo.viewer.camera_view import drawn_obstacles, with_trajectories
 from omniservo.viewer.edited_task import edited_task
 from omniservo.viewer.field_of_view import field_outline, field_surface
 from omniservo.viewer.new_obstacle import new_obstacle, obstacles_of_file
 from omniservo.viewer.open_viewed import open_viewed
+from omniservo.viewer.plots import plots_html
 from omniservo.viewer.situation import Situation, obstacle_pose, with_xi
 from omniservo.viewer.worst_place import nearest_of
 from omniservo.whole_arm import plan_with_arm
@@ -210,3 +212,20 @@ def test_a_view_takes_little_memory_however_large_an_image_a_problem_states():
     assert with_trajectories(view, plan_path(problem), 0.0).shape == (480, 480, 3)
     narrow = UnifiedCamera(4e4, 4e4, 5e4, 0.0, 0.8, 100_000, 1)
     assert drawn_obstacles(replace(problem, camera=narrow), here).shape == (1, 960)
+
+
+def test_curve_of_a_camera_that_deviates_is_above_what_is_certified_and_required():
+    """All three are of the model's pixels, of which the true ones may be off by the deviation."""
+    fields = preset("fe185").to_dict() | {"deviation_px": 1.5}
+    points = [[-0.1, 0.0, 0.6], [0.1, 0.1, 0.5]]
+    goal = RigidTransform.from_translation([0.0, -0.1, 0.2])
+    problem = PlanningProblem(UnifiedCamera.from_dict(fields), points, goal, visibility_margin=5.0)
+    curve = camera_curves(plan_path(problem))[-1]
+    assert curve.required == pytest.approx(6.5)
+    assert curve.required - 1e-6 <= curve.certified <= curve.values.min()
+    assert curve.certified > curve.values.min() - 0.5
+
+
+def test_a_bound_is_rounded_down_beside_its_curve():
+    curve = MarginCurve("camera to obstacles", "mm", np.linspace(0, 1, 2), np.full(2, 57.0), 55.0, 56.989)
+    assert "certified ≥ 56.98 mm" in plots_html([curve], 0.0)

@@ -65,7 +65,9 @@ def camera_curves(plan: Plan) -> list[MarginCurve]:
     margins = image_distance(problem.camera, np.where(valid[..., None], pixels, 0.0))
     least = np.where(valid, margins, np.nan).min(axis=1)
     bound = plan.least_visibility() if proven else None
-    found.append(MarginCurve("points to image limits", "px", w, least, problem.image_margin, bound))
+    # The curve, like what is required here, is of the model's pixels; the bound is of the true ones.
+    certified = None if bound is None else bound + problem.camera.deviation_px
+    found.append(MarginCurve("points to image limits", "px", w, least, problem.image_margin, certified))
     return found
 
 

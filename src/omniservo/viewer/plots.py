@@ -7,7 +7,7 @@ from html import escape
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.reporting.spelling import significant
+from omniservo.reporting.spelling import significant, spell_bound
 from omniservo.reporting.style import CERTIFIED, PLANNED
 from omniservo.viewer.along_path import MarginCurve
 
@@ -75,7 +75,7 @@ def _plot(curve: MarginCurve, w: float) -> str:
 def _title(curve: MarginCurve) -> str:
     finite = curve.values[np.isfinite(curve.values)]
     least = f"least {significant(float(finite.min()))} {curve.unit}" if len(finite) else "not seen"
-    proven = "" if curve.certified is None else f", certified ≥ {significant(curve.certified)}"
+    proven = "" if curve.certified is None else f", certified {spell_bound(curve.certified, curve.unit)}"
     return f"<b>{escape(curve.title)}</b> {least}{proven}"
 
 
