@@ -10,6 +10,9 @@ from omniservo.camera_files import load_camera
 from omniservo.cameras import UnifiedCamera
 from omniservo.planning import CameraPath, Plan, PlanningProblem, Sphere, certify, plan_path
 from omniservo.planning.certificate import distorted_margins
+from omniservo.planning.certificate.certificate import UNSEEN_PX
+from omniservo.planning.constraints.visibility import OUTSIDE
+from omniservo.reporting.moment_figure import draw_moment
 from omniservo.verification import verify_plan
 
 FINE = np.linspace(0.0, 1.0, 2001)
@@ -148,8 +151,10 @@ def test_a_target_that_the_lens_never_sees_has_no_plan(zone):
     asked = problem(camera=camera(max_angle=0.5, **zone), points=POINTS + np.array([0.0, 1.5, 0.0]))
     plan = plan_path(asked)
     assert plan.status == "not_found"
-    assert "visibility polygon" in plan.reason
+    assert "visibility polygon (point 0): no pixel at w = " in plan.reason
     assert all(np.isfinite(c.margin) for c in plan.certificate.constraints)
+    assert UNSEEN_PX == OUTSIDE
+    assert draw_moment(plan).title.startswith("not_found: visibility polygon (point 0): no pixel")
     assert verify_plan(plan).status == "refuted"
 
 

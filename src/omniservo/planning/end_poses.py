@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
+from omniservo.planning.certificate.certificate import UNSEEN_PX
 from omniservo.planning.certificate.margins import pose_margins
 from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.planning.problem_arrays import Entry, constraint_table_of
@@ -69,7 +70,7 @@ def _sentence(w: int, violated: list[tuple[float, str, str]]) -> str:
     """Name the first violated constraint in the certificate's order, and how many more there are."""
     pose = "start" if w == 0 else "goal"
     margin, name, unit = violated[0]
-    by = "lies outside the model's domain" if margin <= -1e6 else f"falls short by {-margin:.6g} {unit}"
+    by = "lies outside the model's domain" if margin <= UNSEEN_PX else f"falls short by {-margin:.6g} {unit}"
     more = f" ({len(violated) - 1} more there)" if len(violated) > 1 else ""
     return f"the {pose} pose (w = {w}) violates {name}: {by}{more}"
 

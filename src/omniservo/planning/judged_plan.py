@@ -27,7 +27,8 @@ def judged_plan(
     verdict, certificate, missing = certified_but_for(problem, path)
     status: Status = verdict
     if missing is not None:  # the certificate's worst may be one that is proven and just met
-        where = f"{missing.name}: {missing.margin:.6g} {missing.unit} left at w = {missing.w:.4f}"
+        left = "no pixel" if missing.is_unseen else f"{missing.margin:.6g} {missing.unit} left"
+        where = f"{missing.name}: {left} at w = {missing.w:.4f}"
         if looked and not (verdict == "undecided" and problem.camera.is_distorted):
             status = "not_found"
             note = f"{looked}; the best attempt fails {where}"

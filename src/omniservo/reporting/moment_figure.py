@@ -87,6 +87,7 @@ def _headline(plan: Plan, worst: ConstraintMargin | None) -> str:
         return f"{plan.status}: {plan.reason}"
     amount = spell(abs(worst.margin), worst.unit)
     left = f"{amount} short" if worst.margin < 0.0 else f"{amount} beyond what is required"
+    left = "no pixel" if worst.is_unseen else left
     where = {0.0: "at the start", 1.0: "at the goal"}.get(worst.w, f"at w = {worst.w:.3f}")
     return f"{plan.status}: {worst.name}: {left} {where}"
 

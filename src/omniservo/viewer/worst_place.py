@@ -60,7 +60,7 @@ def _of_camera(situation: Situation, plan: Plan, worst: ConstraintMargin) -> Wor
     violated = worst.margin < 0.0
     amount = spell(abs(worst.margin), worst.unit)
     left = f"{amount} short" if violated else f"{amount} left"
-    words = f"{worst.name}: {left} at w = {w:.2f}"
+    words = f"{worst.name}: {'no pixel' if worst.is_unseen else left} at w = {w:.2f}"
     line = situation.world_T_initial.apply(np.stack([centre, other]))
     return WorstPlace(words, w, line, violated, number)
 

@@ -11,6 +11,9 @@ from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, frozen
 from omniservo.planning.obstacles.obstacle_fields import only_fields
 
+UNSEEN_PX = -1e6
+"""What an image limit leaves to a point outside the model's domain [px]."""
+
 
 @with_field_docs
 @dataclass(frozen=True, eq=False)
@@ -38,6 +41,11 @@ class ConstraintMargin:
     """m, px, rad, or 1"""
     w: float
     """where the smallest value was found"""
+
+    @property
+    def is_unseen(self) -> bool:
+        """Whether a point has no pixel at all there: the margin stands for no distance, but for none."""
+        return self.margin <= UNSEEN_PX
 
 
 @with_field_docs

@@ -17,7 +17,7 @@ from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.subdivision import PROVEN, REFUTED, UNDECIDED
 from omniservo.planning.bernstein_path import camera_controls, camera_count
 from omniservo.planning.camera_path import CameraPath
-from omniservo.planning.certificate.certificate import ConstraintMargin
+from omniservo.planning.certificate.certificate import UNSEEN_PX, ConstraintMargin
 from omniservo.planning.constraints.constraints import Constraints
 from omniservo.planning.constraints.image_mask import prove_outside_masks
 from omniservo.planning.constraints.visibility import prove_visible
@@ -140,6 +140,8 @@ def _seen_margins(problem: PlanningProblem, path: CameraPath) -> list[tuple[str,
     for name, values in seen:
         step, point = np.unravel_index(int(np.argmin(values)), values.shape)
         left = float(values[step, point]) - problem.image_margin
-        smallest = max(-1e6, left) if left < math.inf else 0.0  # no pixel at all: nothing is seen to be left
+        smallest = (
+            max(UNSEEN_PX, left) if left < math.inf else 0.0
+        )  # no pixel at all: nothing is seen to be left
         result.append((name, (smallest, float(w[step]), int(point))))
     return result
