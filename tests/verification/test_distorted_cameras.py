@@ -239,6 +239,13 @@ def test_a_fold_on_one_side_of_the_axis_is_found(tangential):
     assert judged(camera, octagon(0.9)).note == "the distortion is not one-to-one on the polygon"
 
 
+def test_polygon_beyond_the_circle_of_the_largest_angle_is_named():
+    camera = lens((0.0, 0.0, 0.2, 0.0), width=4000, height=4000, cx=2000.0, cy=2000.0, xi=0.5, max_angle=1.0)
+    radius = np.sin(1.0) / (np.cos(1.0) + 0.5)
+    assert judged(camera, octagon(0.99 * radius), 0).verdict == "holds"
+    assert judged(camera, octagon(1.01 * radius), 0).note == "the polygon leaves the circle of max_angle"
+
+
 def test_point_outside_the_polygon_is_refuted():
     camera = lens(DISTORTIONS[0])
     answer = verify_plan(distorted_plan(camera, inner_polygon(camera, 0.25)))
