@@ -22,7 +22,7 @@ from solids import (
 )
 
 from omniservo.errors import InputError
-from omniservo.planning import Box, Mesh, Plan, PlanningProblem, certify, plan_path
+from omniservo.planning import Box, Mesh, Plan, PlanningProblem, certify, plan_path, widened_evenly
 from omniservo.planning.constraints.hull_gap import hull_gap
 from omniservo.planning.obstacles.hull_shape import convex_hull
 from omniservo.verification import verify_plan
@@ -190,6 +190,27 @@ def test_only_corners_of_the_hull_are_kept_and_read_back_unchanged():
     assert again.to_dict() == problem.to_dict()
     with pytest.raises(ValueError, match="read-only"):
         mesh.vertices[0] = 1.0
+
+
+@pytest.mark.parametrize("vertices", [STONE, CUBE * [1.0, 0.2, 0.01], None], ids=["stone", "plate", "ball"])
+def test_a_mesh_made_larger_holds_all_within_so_far(vertices):
+    mesh = Mesh(ball(1000) if vertices is None else vertices)
+    larger = mesh.grown(0.02)
+    normals = np.random.default_rng(0).normal(size=(2000, 3))
+    normals = np.vstack([normals, mesh.hull.faces[:, :3], larger.hull.faces[:, :3]])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    reach = [(m.vertices @ normals.T).max(axis=0) for m in (mesh, larger)]
+    assert (reach[1] - reach[0]).min() > 0.02 * (1.0 - 1e-9)
+
+
+def test_lines_of_sight_past_a_mesh_keep_what_a_camera_off_its_path_needs():
+    mesh = Mesh(0.06 * (CUBE - 0.5) + [0.0, 0.1, 0.3])
+    points = np.array([[0.0, 0.08, 0.6], [0.0, 0.02, 0.6]])
+    problem = asked(mesh, points=points, goal=(0.0, 0.0, 0.05), occlusion=True, clearance=0.0)
+    path = plan_path(problem).path
+    seen = min(sight_distance(mesh, path.positions(w), h) for w in FINE[::200] for h in problem.points)
+    for off, verdict in ((0.5 * seen, "certified"), (1.001 * seen, "refuted")):
+        assert certify(widened_evenly(problem, off, 0.0), path)[0] == verdict
 
 
 def ball(count):

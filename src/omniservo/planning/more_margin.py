@@ -4,8 +4,8 @@ The problem is tightened: every constraint is to keep min(μ, nine tenths of wha
 as an angle (m over the target's mean distance, px over the focal length), and never less than the smallest
 margin of the plan in hand. μ is bisected between that margin and the most that any end pose leaves; where the
 tightened problem has a proven path, the path of least effort there is the better one. Without the cap nothing
-could be gained wherever an end pose leaves little. Not tightened are the domain and ‖φ‖, lines of sight past
-boxes and meshes, and the image of a distorted camera.
+could be gained wherever an end pose leaves little. Not tightened are the domain, ‖φ‖ and the image of a
+distorted camera.
 """
 
 from __future__ import annotations

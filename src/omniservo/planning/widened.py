@@ -8,7 +8,6 @@ from typing import Any
 
 from omniservo.planning.checks import LARGEST
 from omniservo.planning.obstacles.half_space import HalfSpace
-from omniservo.planning.obstacles.mesh import Mesh
 from omniservo.planning.obstacles.obstacle import Obstacle, hides_points
 from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.planning.workspace import Workspace
@@ -18,7 +17,7 @@ def widened(problem: PlanningProblem, metres: Mapping[str, float], px: float) ->
     """Return the problem with more required: ``metres`` by name of the constraint, ``px`` of all limits.
 
     A line of sight keeps more from an obstacle that is made larger, its clearance that much smaller, if
-    it has so much; lines of sight past meshes, the domain and ‖φ‖ stay as they are.
+    it has so much; the domain and ‖φ‖ stay as they are.
 
     Raises:
         InputError: nothing is left of the workspace.
@@ -57,7 +56,7 @@ def _larger(problem: PlanningProblem, obstacle: Obstacle, i: int, metres: Mappin
     own = problem.clearance if obstacle.clearance is None else obstacle.clearance
     clearance = own + metres.get(f"clearance obstacle {i}", 0.0)
     grown = metres.get(f"occlusion obstacle {i}", 0.0)
-    if isinstance(obstacle, HalfSpace | Mesh) or not hides_points(obstacle):
+    if isinstance(obstacle, HalfSpace) or not hides_points(obstacle):
         grown = 0.0
     elif grown > 0.0:
         obstacle = obstacle.grown(grown)

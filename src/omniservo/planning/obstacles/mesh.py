@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import ClassVar
+from itertools import product
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -74,6 +75,20 @@ class Mesh:
         """
         places = [(float(x), float(y), float(z)) for x, y, z in points]
         return np.array([hull_gap(self.hull, place, place)[3] for place in places])
+
+    def grown(self, metres: float) -> Self:
+        """Return one that holds all within so many metres of it.
+
+        A cube that holds the ball goes to every vertex. Where that gives more corners than a mesh may have
+        it is enlarged from a point inside instead, λ times: λ s(n) ≥ s(n) + metres where s(n) ≥ its depth.
+        """
+        cube = metres * np.array(list(product((-1.0, 1.0), repeat=3)))
+        around = convex_hull("vertices", (self.vertices[:, None] + cube).reshape(-1, 3)).corners
+        if len(around) > MOST_VERTICES:
+            middle = self.vertices.mean(axis=0)
+            depth = float((self.hull.faces[:, 3] - self.hull.faces[:, :3] @ middle).min())
+            around = middle + (1.0 + metres / depth) * (self.vertices - middle)
+        return replace(self, vertices=around)
 
     @cached_property
     def hull(self) -> Hull:
