@@ -22,6 +22,7 @@ from omniservo.reporting.report_sections import (
     timings,
     verdict,
 )
+from omniservo.reporting.run_summary import run_summary
 from omniservo.reporting.spelling import reads_less, significant, spell, spell_bound
 from omniservo.reporting.verdict import planner_sentence, verdict_of
 from omniservo.reporting.views import outside
@@ -364,6 +365,16 @@ def test_methods_stand_side_by_side(run, made_up_run, one_figure, tmp_path):
     assert '<span class="no">21.00 mm</span>' in page
     assert f'<span class="no">{short:.2f} px</span>' in page, "in view, but by less than is required"
     assert "omniservo run paper-example-1 --method certified --method ibvs" in structure.words
+
+
+def test_a_point_that_left_the_view_is_said_and_marked(run):
+    """The distance to the image's limits does not exist there: a dash would say that nothing is known."""
+    lost = replace(run, metrics={**run.metrics, "visibility_executed_px": None})
+    said = "a point left the camera&#x27;s view"
+    assert f"<dt>{EXECUTED}</dt><dd>{said}</dd>" in key_numbers(lost).html
+    assert f'<span class="no">{said}</span>' in side_by_side([run, lost]).html
+    words = {**lost.metrics, "plan_status": "certified", "planning_seconds": None, "estimation_seconds": 1e-3}
+    assert any(line.endswith("but a point left the camera's view") for line in run_summary(words))
 
 
 def test_a_stopped_run_is_named_after_its_reason(stopped_run):

@@ -21,7 +21,7 @@ from omniservo.reporting.html import (
 from omniservo.reporting.margins import certified_clearance, certified_visibility
 from omniservo.reporting.metric_meanings import meaning_of, spell_contacts, spell_metric
 from omniservo.reporting.paper_table import PAPER, comparison_table
-from omniservo.reporting.promise_words import CERTIFIED
+from omniservo.reporting.promise_words import CERTIFIED, OUT_OF_VIEW
 from omniservo.reporting.spelling import reads_less, spell, spell_bound
 from omniservo.reporting.verdict import plan_sentence, planner_sentence, verdict_of
 from omniservo.results.run_result import RunResult
@@ -29,6 +29,8 @@ from omniservo.run_methods import COMPARE, COMPARED, METHODS
 from omniservo.tasks import shipped_tasks
 
 _PACKAGES = ("omniservo", "numpy", "scipy", "numba", "mujoco", "opencv-contrib-python-headless", "matplotlib")
+
+_VISIBILITY = "visibility_executed_px"
 
 
 def title_of(result: RunResult) -> str:
@@ -141,10 +143,10 @@ def _in_view(result: RunResult) -> ConstraintCard:
     proven = certified_visibility(result)
     return ConstraintCard(
         "Points to the image's limits",
-        spell_metric("visibility_executed_px", result.metrics.get("visibility_executed_px")),
+        _said(result, _VISIBILITY),
         spell_bound(proven, "px"),
         spell(result.task.planning.visibility_margin, "px"),
-        _strayed(result, "visibility_executed_px", proven, "px"),
+        _strayed(result, _VISIBILITY, proven, "px"),
     )
 
 
@@ -317,6 +319,8 @@ def _is_certified(result: RunResult) -> bool:
 def _said(result: RunResult, name: str) -> str:
     """Return a metric for people; what its label calls certified is a bound, or said not to be certified."""
     value = result.metrics.get(name)
+    if name == _VISIBILITY and value is None and result.log.has_truth:
+        return OUT_OF_VIEW
     if not isinstance(value, int | float) or not meaning_of(name).label.endswith(CERTIFIED):
         return spell_metric(name, value)
     unit = meaning_of(name).unit
@@ -332,10 +336,10 @@ def _judged(result: RunResult, name: str) -> Cell:
     value = result.metrics.get(name)
     words = _said(result, name)
     if not isinstance(value, int | float):
-        return words
+        return _marked(words, good=False) if words == OUT_OF_VIEW else words
     least = {
         "clearance_executed_m": result.task.planning.clearance,
         "arm_clearance_executed_m": 0.0,
-        "visibility_executed_px": result.task.planning.visibility_margin,
+        _VISIBILITY: result.task.planning.visibility_margin,
     }.get(name)
     return words if least is None else _marked(words, value > least or value == least != 0.0)

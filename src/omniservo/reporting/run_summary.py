@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from omniservo.reporting.metric_meanings import meaning_of, spell_contacts, spell_metric
+from omniservo.reporting.promise_words import OUT_OF_VIEW
 from omniservo.reporting.spelling import spell, spell_bound
 
 _STAGES = ("estimation", "planning")
@@ -23,10 +24,7 @@ def run_summary(metrics: Mapping[str, Any]) -> Iterator[str]:
             f"{_of(metrics, 'clearance_executed_m')} executed{asked}"
         )
     yield from _links(metrics)
-    yield (
-        f"points in view by     {_planned(metrics, 'visibility_planned_px')}, "
-        f"{_of(metrics, 'visibility_executed_px')} executed"
-    )
+    yield f"points in view by     {_planned(metrics, 'visibility_planned_px')}, {_in_view(metrics)}"
     if metrics.get("looks"):
         nothing = f", {count} × for nothing" if (count := metrics["looks_for_nothing"]) else ""
         yield (
@@ -71,6 +69,13 @@ def _times(metrics: Mapping[str, Any]) -> str:
     code = sum(metrics.get(f"{stage}_code_seconds", 0.0) for stage in _STAGES)
     loading = f" ({spell(code, 's')} of both was loading or compiling code)" if code else ""
     return f"{', '.join(told)}{loading}; the motion took {_of(metrics, 'servo_seconds')}"
+
+
+def _in_view(metrics: Mapping[str, Any]) -> str:
+    known = metrics["final_translation_error_m"] is not None  # the truth
+    if metrics["visibility_executed_px"] is None and known:
+        return f"but {OUT_OF_VIEW}"
+    return f"{_of(metrics, 'visibility_executed_px')} executed"
 
 
 def _planned(metrics: Mapping[str, Any], name: str) -> str:
