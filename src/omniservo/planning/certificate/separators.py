@@ -28,7 +28,7 @@ def separators_of(
     if not proven:
         return ()
     centre, size = bernstein_from_power(translation), magnitude(translation)
-    planes = np.empty((MOST_PLANES, 5))
+    planes = np.empty((MOST_PLANES + 1, 5))  # a piece more than are halved
     found = []
     for entry, margin in proven:
         body, motions = constraints.bodies[entry.about], constraints.motions
