@@ -40,6 +40,18 @@ def test_soft_light_along_bars_is_no_smear():
         assert smear_length(np.clip(seen, 0, 255).astype(np.uint8)) == 0
 
 
+def test_few_pixels_that_overlap_do_not_make_a_small_picture_smeared():
+    rng = np.random.default_rng(0)
+    found = []
+    for _ in range(80):
+        surface = cv2.GaussianBlur(rng.standard_normal((176, 188)), (0, 0), sigmaX=2.0, sigmaY=1.2)
+        turn = cv2.getRotationMatrix2D((94, 88), rng.uniform(0, 180), 1.0)
+        seen = cv2.warpAffine(surface, turn, (188, 176))[70:106, 70:118]
+        seen = 128 + 40 * seen / seen.std() + 2 * rng.standard_normal(seen.shape)
+        found.append(smear_length(np.clip(seen, 0, 255).astype(np.uint8)))
+    assert np.count_nonzero(found) <= 2
+
+
 def test_a_smeared_picture_is_refused_by_name():
     rng = np.random.default_rng(5)
     faces = crate(rng)

@@ -23,6 +23,8 @@ LEAST_DEPTH = 0.15
 ONE_SIDED = (0.05, 0.5)
 """Mean square slope along the direction over that across it: with less, the surface shows bars and nothing
 else, and soft light along them looks like a smear."""
+LEAST_OVERLAP = 0.5
+"""of the pixels at a shift of 0: fewer are few enough for their slopes to disagree by chance"""
 ROWS = 256
 """at once: large images need little memory"""
 
@@ -30,7 +32,7 @@ ROWS = 256
 def smear_length(image: ByteArray) -> int:
     """Return over how many pixels an image (height, width) of grey values is smeared; 0: none is seen.
 
-    Straight motion is seen, from `LEAST_SMEAR` to `FARTHEST` pixels.
+    Straight motion is seen, from `LEAST_SMEAR` to `FARTHEST` pixels, over no more than about half the image.
     """
     smooth = cv2.GaussianBlur(image.astype(np.float32), (0, 0), 1.0)
     x, y = (cv2.Sobel(smooth, cv2.CV_32F, *order).ravel() for order in ((1, 0), (0, 1)))
@@ -43,7 +45,10 @@ def smear_length(image: ByteArray) -> int:
 
 
 def _autocorrelation(image: FloatArray, angle: float) -> FloatArray:
-    """Return that of the slope along a direction [deg], for shifts of 0 to `FARTHEST` px along it."""
+    """Return that of the slope along a direction [deg], for shifts of 0 to `FARTHEST` px along it.
+
+    It is 0 where what is shifted overlaps too little.
+    """
     height, width = image.shape
     turn = cv2.getRotationMatrix2D((0.5 * (width - 1), 0.5 * (height - 1)), angle, 1.0)
     turned, inside = (cv2.warpAffine(a, turn, (width, height)) for a in (image, np.ones_like(image)))
@@ -54,4 +59,5 @@ def _autocorrelation(image: FloatArray, angle: float) -> FloatArray:
         for k, a in enumerate((slopes, whole)):
             power = np.abs(np.fft.rfft(a[first : first + ROWS], width + FARTHEST + 1, axis=1)) ** 2
             sums[k] += np.fft.irfft(power.sum(0), width + FARTHEST + 1)[: FARTHEST + 1]
-    return np.asarray(sums[0] / np.maximum(sums[1], 1.0))
+    alike = sums[0] / np.maximum(sums[1], 1.0)
+    return np.where(sums[1] >= LEAST_OVERLAP * sums[1, 0], alike, 0.0)
