@@ -11,7 +11,7 @@ from tag_scenes import facing, render, true_pixels, whole
 from omniservo.cameras import UnifiedCamera
 from omniservo.cameras.models import KannalaBrandt
 from omniservo.errors import InputError
-from omniservo.perception import find_tags, tag_cells
+from omniservo.perception import find_tags, tag_cells, tag_picture
 from omniservo.perception.tag_candidates import candidate_planes
 from omniservo.perception.tag_kernels import PARAMETERS, POSE, normal_equations
 from omniservo.tag_dictionaries import APRIL_TAGS_3, tag_layout
@@ -66,6 +66,14 @@ def test_every_family_is_read_with_its_corners_in_order(name):
     side = 0.26 * tag_cells(name) / 8 if name in APRIL_TAGS_3 else 0.26
     tags = scene(FISHEYE, np.random.default_rng(5), name, side=side)
     assert errors(FISHEYE, tags, find_tags(render(FISHEYE, tags), FISHEYE, name)).max() < 0.08
+
+
+def test_a_tag_that_looks_the_same_upside_down_is_not_reported():
+    camera = UnifiedCamera(400.0, 400.0, 159.5, 119.5, 0.0, 320, 240)
+    for number, ids in ((1023, []), (1022, [1022])):
+        image = np.full((240, 320), 200, dtype=np.uint8)
+        image[60:150, 90:180] = tag_picture("aruco_original", number, pixels_per_cell=10)
+        assert find_tags(image, camera, "aruco_original").ids.tolist() == ids
 
 
 def test_cameras_of_other_models_and_narrow_ones_find_tags_too():

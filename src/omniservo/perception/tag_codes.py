@@ -23,7 +23,8 @@ class TagCodes:
     dark: BoolArray
     """(tags, cells, cells) rows from the top of the tag as printed"""
     signs: npt.NDArray[np.float32]
-    """(tags, bits) of the code's cells, row by row, +1 bright and −1 dark, less their mean and of length 1"""
+    """(tags, bits) of the code's cells, row by row, +1 bright and −1 dark, less their mean and of length 1;
+    0 where corners cannot be told"""
     turns: IntArray
     """(4, bits) turned k times by 90°, so that its corner k comes first, the tag has in its j-th cell what it
     had in the cell ``turns[k, j]``"""
@@ -47,14 +48,16 @@ def tag_codes(name: str) -> TagCodes:
 def _codes(name: str) -> TagCodes:
     layout = tag_layout(name)
     dark = dark_cells(name, np.arange(dictionary_size(name)))
-    signs = 1.0 - 2.0 * dark[:, layout.code].astype(np.float32)
+    codes = dark[:, layout.code]
+    signs = 1.0 - 2.0 * codes.astype(np.float32)
     signs -= signs.mean(axis=1, keepdims=True)
-    # a code of one grey cannot be told from a blank
-    length = np.linalg.norm(signs, axis=1, keepdims=True)
     places = np.full(layout.code.shape, -1)
     places[layout.code] = np.arange(signs.shape[1])
     # np.rot90 turns counter-clockwise: the top right corner comes to the top left
     turns = np.stack([np.rot90(places, k)[layout.code] for k in range(4)])
+    # a code of one grey cannot be told from a blank, nor the corners of one that looks the same when turned
+    same = np.any([(codes[:, turn] == codes).all(axis=1) for turn in turns[1:]], axis=0)
+    length = np.where(same[:, None], 0.0, np.linalg.norm(signs, axis=1, keepdims=True))
     return TagCodes(layout, dark, np.where(length > 0.0, signs / np.maximum(length, 1e-9), 0.0), turns)
 
 
