@@ -7,7 +7,7 @@ from dot_scenes import Patch, Scene, dot_patches, expose, intensity, plane_axes,
 
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
-from omniservo.perception import DotOptions, find_dots
+from omniservo.perception import DotOptions, DotTracker, find_dots
 
 CAMERA = dot_scenes.paper_camera()
 FRONT = np.array([0.0, 0.0, -1.0])
@@ -200,6 +200,18 @@ def test_mirrored_camera_gives_mirrored_dots():
     centres = np.array([patch.centre for patch in patches[1:]])
     gaps = np.linalg.norm(dots.pixels[:, None] - mirror.project(centres)[0], axis=2)
     assert gaps.min(1).max() < 0.05
+
+
+def test_what_lies_in_dead_zone_or_mask_is_no_dot():
+    patches, true = board_of_nine(0.0)
+    (u, v), hidden = true[8], {"dead_zone": (tuple(true[0]), 12.0)}
+    hidden["mask"] = [[[u - 12, v - 12], [u + 12, v - 12], [u + 12, v + 12], [u - 12, v + 12]]]
+    picture, camera = render(CAMERA, Scene(patches)), dot_scenes.paper_camera(**hidden)
+    assert len(find_dots(picture, CAMERA)) == 9
+    found = find_dots(picture, camera)
+    assert len(found) == 7
+    assert np.linalg.norm(found.pixels[:, None] - true[1:8], axis=2).min(1).max() < 0.2
+    assert DotTracker(camera).update(picture, true)[1].tolist() == [False, *[True] * 7, False]
 
 
 @pytest.mark.parametrize(

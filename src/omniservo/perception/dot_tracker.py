@@ -18,6 +18,7 @@ from omniservo.perception.find_dots import (
     measure,
     neighbourhoods,
     noise_of,
+    of_the_scene,
     threshold_offset,
 )
 
@@ -81,7 +82,8 @@ class DotTracker:
             blobs = [self._blobs_near(image, predicted[i], block, offset) for i in lost]
             if not any(len(b) for b in blobs):
                 continue
-            rows = _with_new(rows, measure(image, np.concatenate(blobs), noise, self.options))
+            measured = measure(image, np.concatenate(blobs), noise, self.options)
+            rows = _with_new(rows, of_the_scene(measured, self.camera))
             centres = circle_centres(self.camera, rows[:, :2], covariances(rows))
             partner = _partners(predicted[asked], centres, self.gate_px)
             found = partner >= 0

@@ -50,7 +50,7 @@ def find_dots(
     Pixels darker than the mean around them, in two sizes of neighbourhood, give blobs; each blob gets
     grey-weighted moments (`dot_kernels`) and counts as a dot where it is one grey inside an ellipse, is
     symmetric, and a bright ring lies all around it. A dot that is cut by the image's border, by something
-    in front of it or by the edge of the image circle is none.
+    in front of it or by the edge of the image circle is none, nor is one in the camera's dead zone or mask.
 
     With a camera, ``pixels`` is the image of the circle's centre (`circle_centres`), without it the centroid.
 
@@ -71,7 +71,7 @@ def find_dots(
     masks = [darker_than_mean(image, block, offset) for block in neighbourhoods(options)]
     starts = [blob_moments(mask, (0, 0), options) for mask in masks]
     rows = measure(image, np.concatenate(starts), noise, options)
-    return dots_from(rows, camera)
+    return dots_from(rows if camera is None else of_the_scene(rows, camera), camera)
 
 
 def measure(image: ByteArray, starts: FloatArray, noise: float, options: DotOptions) -> FloatArray:
@@ -95,6 +95,11 @@ def measure(image: ByteArray, starts: FloatArray, noise: float, options: DotOpti
             kept.append(i)
     rows = rows[kept]
     return np.asarray(rows[np.lexsort((rows[:, U], rows[:, V]))])
+
+
+def of_the_scene(rows: FloatArray, camera: CentralModel) -> FloatArray:
+    """Return the rows whose centre the image shows: its dead zone and mask show the camera itself."""
+    return np.asarray(rows[camera.in_image(rows[:, :2])])
 
 
 def dots_from(rows: FloatArray, camera: CentralModel | None) -> FoundDots:
