@@ -54,6 +54,17 @@ def test_a_point_that_comes_back_to_its_place_is_used_again():
         assert tracker.report.used[3] == (shift == 0.0)
 
 
+def test_a_point_beyond_the_rim_of_the_lens_cannot_be_where_something_is_seen():
+    points = ring([30, 40, 50, 60, 70, 93.0])  # the lens sees 92.5°, and the camera turns towards the last
+    path = bent_path((0.01, 0.02, 0.01), (0.173, 0.1, 0.0), (0.0, 0.0, 0.0))
+    seen = FISHEYE.project(points[:-1])[0]
+    tracker = PathTracker(plan_of(points, path), FISHEYE)
+    twist = tracker.step(0.0, np.vstack((seen, FISHEYE.project([0.5, -0.7, 0.1])[0])))
+    assert tracker.report.used.tolist() == [True] * 5 + [False]
+    assert np.abs(twist).max() < 1e-6
+    assert np.sqrt(np.diag(tracker.report.filtered_covariance)).max() < 1e-3
+
+
 def test_too_few_points_that_agree_stop_the_servo():
     path = bent_path()
     points = ring([30, 40, 50, 35, 45])

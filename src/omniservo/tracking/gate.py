@@ -34,9 +34,9 @@ def robust_pose(
     """Write the pose (7,) of the points that belong, mark the others as not ``valid``; return (rms [px], ok).
 
     It begins with the points that moved against ``guess`` as most do. Then in rounds: σ from the median
-    distance between pixel and projection, which a few wrong points do not move; every point of ``fit`` beyond
-    both ``gate`` [px] and 3.5 σ is left out, a point within comes back. It ends where nothing changes, or
-    where fewer than four points would be left.
+    distance between pixel and projection, which a few wrong points do not move; every ``valid`` point beyond
+    both ``gate`` [px] and 3.5 σ is left out, and one that the pose does not see; a point within comes back.
+    It ends where nothing changes, or where fewer than four points would be left.
 
     Args:
         parameters: the camera's.
@@ -60,10 +60,10 @@ def robust_pose(
         return math.inf, False
     pose[:4], pose[4:] = q, t
     for _ in range(ROUNDS):
-        _measure(parameters, points, pixels, fit, pose, gaps)
+        _measure(parameters, points, pixels, valid, pose, gaps)
         for j in range(n):
             distances[j] = math.hypot(gaps[j, 0], gaps[j, 1])
-        count = _mark(distances, fit, kept, gate, trial)
+        count = _mark(distances, valid, kept, gate, trial)
         if count < LEAST_POINTS or (trial == kept).all():
             break
         q, t, found, ok = refine_pose_kernel(parameters, points, pixels, trial, pose[:4], pose[4:])
@@ -72,18 +72,17 @@ def robust_pose(
         pose[:4], pose[4:], rms = q, t, found
         kept[:] = trial
     for j in range(n):
-        if fit[j] and not kept[j]:
-            valid[j] = False
+        valid[j] = valid[j] and kept[j]
     return rms, True
 
 
 @kernel
-def _mark(distances: FloatArray, fit: BoolArray, scale_of: BoolArray, gate: float, within: BoolArray) -> int:
-    """Mark the points of ``fit`` within the gate, σ that of the points ``scale_of``; return how many."""
+def _mark(distances: FloatArray, of: BoolArray, scale_of: BoolArray, gate: float, within: BoolArray) -> int:
+    """Mark the points ``of`` within the gate, σ that of the points ``scale_of``; return how many."""
     bound = max(gate, GATE * _median(distances[scale_of]) / MEDIAN_OF_DISTANCES)
     count = 0
-    for j in range(fit.shape[0]):
-        within[j] = fit[j] and distances[j] <= bound
+    for j in range(of.shape[0]):
+        within[j] = of[j] and distances[j] <= bound
         if within[j]:
             count += 1
     return count
@@ -102,16 +101,16 @@ def _measure(
     parameters: FloatArray,
     points: FloatArray,
     pixels: FloatArray,
-    fit: BoolArray,
+    of: BoolArray,
     pose: FloatArray,
     gaps: FloatArray,
 ) -> None:
-    """Write projection minus pixel (n, 2) [px] of the points of ``fit``; infinity without a projection."""
+    """Write projection minus pixel (n, 2) [px] of the points ``of``; infinity without a projection."""
     r = np.empty((3, 3))
     matrix_from_quaternion(pose[0], pose[1], pose[2], pose[3], r)
     for j in range(points.shape[0]):
         gaps[j, 0] = gaps[j, 1] = math.inf
-        if not fit[j]:
+        if not of[j]:
             continue
         x, y, z = points[j, 0] - pose[4], points[j, 1] - pose[5], points[j, 2] - pose[6]
         x, y, z = transposed_times(r, x, y, z)

@@ -203,8 +203,8 @@ def _see_pose(
 
     The estimated pose is updated with it.
 
-    Points at the rim that the guess puts outside the camera's domain cannot take part in the refinement.
-    Points that the pose of the others does not explain are no longer ``valid``.
+    Points at the rim that the guess puts outside the camera's domain take part only where the pose of the
+    others sees them. Points that it does not explain are no longer ``valid``.
     """
     points, pixels, valid, _ = sight
     c = np.empty(3)
