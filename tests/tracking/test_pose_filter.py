@@ -1,7 +1,7 @@
 """The pose filter: its motion model, its update, and what it is worth."""
 
 import numpy as np
-from kinematic_loop import FISHEYE, FRONT, Loop, bent_path, plan_of
+from kinematic_loop import FISHEYE, FRONT, Loop, Path, bent_path, plan_of
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.estimation import refine_pose
@@ -72,7 +72,7 @@ def test_the_update_weighs_prediction_and_image_by_their_covariances():
     prediction = moved(fit.reference_T_camera, [1e-3, -2e-3, 1e-3, 2e-3, 1e-3, -1e-3])
     prior = np.diag([2e-6, 1e-6, 3e-6, 1e-6, 2e-6, 4e-6])
     values, covariance = row(prediction), prior.copy()
-    estimate, everything = (values, covariance), np.ones(9, bool)
+    estimate, everything = (values, covariance, np.zeros(2)), np.ones(9, bool)
     measured = row(fit.reference_T_camera)
     correct_state(FISHEYE.parameters, FRONT, pixels, everything, measured, np.zeros(6), estimate)
     joined = np.linalg.inv(np.linalg.inv(prior) + np.linalg.inv(fit.covariance))
@@ -101,12 +101,12 @@ def test_an_uncertain_stamp_is_pixel_noise_along_every_points_flow():
     noise = np.linalg.inv(jacobian.T @ jacobian @ fit.covariance).trace() / 6.0
     weights = np.linalg.inv(np.eye(18) / noise + sigma**2 * np.outer(flow, flow))
     covariance = prior.copy()
-    estimate, everything = (row(pose), covariance), np.ones(9, bool)
+    estimate, everything = (row(pose), covariance, np.zeros(2)), np.ones(9, bool)
     correct_state(FISHEYE.parameters, FRONT, pixels, everything, row(pose), sigma * twist, estimate)
     expected = np.linalg.inv(np.linalg.inv(prior) + jacobian.T @ weights @ jacobian)
     np.testing.assert_allclose(covariance, expected, rtol=2e-2, atol=1e-9)
     sharp = prior.copy()
-    estimate = row(pose), sharp
+    estimate = row(pose), sharp, np.zeros(2)
     correct_state(FISHEYE.parameters, FRONT, pixels, everything, row(pose), np.zeros(6), estimate)
     along = np.concatenate((pose.rotation.apply(twist[:3]), twist[3:]))
     assert along @ np.linalg.solve(sharp, along) > 1.2 * along @ np.linalg.solve(covariance, along)
@@ -118,7 +118,7 @@ def test_the_first_image_alone_decides():
     fit = refine_pose(FISHEYE, FRONT, pixels, seen).reference_T_camera
     values, covariance = row(moved(seen, np.full(6, 0.01))), np.empty((6, 6))
     reset(covariance)
-    estimate, everything = (values, covariance), np.ones(9, bool)
+    estimate, everything = (values, covariance, np.zeros(2)), np.ones(9, bool)
     correct_state(FISHEYE.parameters, FRONT, pixels, everything, row(fit), np.zeros(6), estimate)
     np.testing.assert_allclose(gap(fit, pose_of(values)), 0.0, atol=1e-7)
 
@@ -141,3 +141,21 @@ def test_the_filtered_pose_is_nearer_to_the_truth_than_that_of_single_images():
     rms = [np.sqrt(np.mean(np.square(np.array(e)[10:, :3]).sum(1))) for e in (single, joined)]
     assert rms[1] < 0.7 * rms[0]
     assert np.mean(normalised[10:]) < 2.0 * 6.0
+
+
+def test_few_points_state_an_error_of_about_its_size_and_filter_it():
+    """Two degrees of freedom are left: by one image's residuals its pose would seem exact now and then."""
+    still = Path(np.array([[0.0, 0.0]] * 3 + [[0.0, 1.0]]), np.zeros((3, 2)))
+    points, single, joined, normalised = FRONT[[0, 2, 6, 8]], [], [], []
+    seen = FISHEYE.project(points)[0]
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        tracker = PathTracker(plan_of(points, still), FISHEYE)
+        for k in range(40):
+            tracker.step(k / 30.0, seen + 0.5 * rng.standard_normal(seen.shape))
+            off = gap(RigidTransform.identity(), pose_of(tracker.report.filtered_pose))
+            single.append(tracker.report.pose[4:])
+            joined.append(off[:3])
+            normalised.append(off @ np.linalg.solve(tracker.report.filtered_covariance, off))
+    assert np.linalg.norm(joined) < 0.45 * np.linalg.norm(single)
+    assert np.median(normalised) < 3 * 5.3  # of χ²(6)

@@ -34,6 +34,8 @@ DEFAULT_DURATION = 4.0
 PLACES_CHECKED = 201
 """At so many places of the path virtual-plane features are checked for Z > 0."""
 
+_Estimate = tuple[FloatArray, FloatArray, FloatArray]  # pose (7,), its covariance (6, 6), residuals (2,)
+
 
 class PathTracker:
     """Turns images into camera twists that follow a plan and end on the goal image.
@@ -97,7 +99,8 @@ class PathTracker:
         self._goal_blend = GoalBlend(self._goal.offsets)
         self._settings = _settings(self.options, self._camera, self._goal.pixels)
         self._estimated_pose, self._pose_covariance = np.empty(7), np.empty((6, 6))
-        self._without_image = self._estimated_pose, self._pose_covariance
+        self._residuals = np.zeros(2)
+        self._without_image = self._estimated_pose, self._pose_covariance, self._residuals
         """what was estimated for the time of the last image before it"""
         self._where: MeasuredPose | None = None
         self._stop = StopCriterion(self._goal.pose, self.options)
@@ -242,12 +245,13 @@ class PathTracker:
         uncertain = finite_number("time_sigma", time_sigma, minimum=0.0)
         again = self.report is not None and time == self.report.time  # the last image: it counts once
         expected = self._without_image if again else self._predicted(time)
-        status, twist, reference, pose, estimated, covariance, evidence = self._run_kernel(
+        status, twist, reference, pose, filtered, evidence = self._run_kernel(
             time, acts, (seen, used), expected, uncertain
         )
         if status != kernel.DONE:
             raise self._error(status, seen, evidence)
         self._without_image = expected
+        estimated, covariance, self._residuals = filtered
         self._estimated_pose, self._pose_covariance = estimated.copy(), covariance.copy()
         _, error, goal_error, rms, conditioning, factor = evidence.tolist()
         phase = self._phase(time, goal_error, pose)
@@ -331,10 +335,10 @@ class PathTracker:
         time: float,
         acts_at: float,
         image: tuple[FloatArray, BoolArray],
-        expected: tuple[FloatArray, FloatArray],
+        expected: _Estimate,
         time_sigma: float = 0.0,
-    ) -> tuple[int, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Return status, twist, reference pixels (n, 2), poses, covariance, evidence.
+    ) -> tuple[int, FloatArray, FloatArray, FloatArray, _Estimate, FloatArray]:
+        """Return status, twist, reference pixels (n, 2), this image's pose, estimate, evidence.
 
         ``image``: pixels (n, 2) and which are used (n,), which changes; ``expected``: as of `_predicted`.
 
@@ -344,7 +348,7 @@ class PathTracker:
         w_now, w_dot_now, plan_now, plan_twist = self._way.state(acts_at)
         now, growth = self._goal_blend.at(w_now)
         offsets = np.array([self._goal_blend.at(w)[0], now])
-        (seen, used), (estimated_pose, covariance) = image, (a.copy() for a in expected)
+        (seen, used), (estimated_pose, covariance, residuals) = image, (a.copy() for a in expected)
         carried_on = self._carried_on(time, acts_at, plan_seen, plan_now)
         pose, twist, reference, evidence = np.empty(7), np.empty(6), np.empty((len(used), 2)), np.empty(6)
         status = kernel.track_step(
@@ -353,21 +357,21 @@ class PathTracker:
             self._settings,
             (self._points, seen, used, self._goal.pixels.copy()),
             (plan_seen, plan_now, plan_twist, carried_on, offsets, w_dot_now * growth),
-            (estimated_pose, covariance, time_sigma * twist_seen),
+            (estimated_pose, covariance, residuals, time_sigma * twist_seen),
             (pose, twist, reference, evidence),
         )
-        return status, twist, reference, pose, estimated_pose, covariance, evidence
+        return status, twist, reference, pose, (estimated_pose, covariance, residuals), evidence
 
-    def _predicted(self, time: float) -> tuple[FloatArray, FloatArray]:
-        """Return the pose filter's estimate for ``time`` [s]: pose (7,) and covariance (6, 6)."""
+    def _predicted(self, time: float) -> _Estimate:
+        """Return the pose filter's estimate for ``time`` [s]."""
         if self.report is None:
             covariance = np.empty((6, 6))
             reset(covariance)
-            return self._way.pose(time), covariance
+            return self._way.pose(time), covariance, self._residuals
         estimated_pose, covariance = self._estimated_pose.copy(), self._pose_covariance.copy()
-        moved = self._moved(self.report.time, time)
-        predict_state(estimated_pose, covariance, *moved, time - self.report.time)
-        return estimated_pose, covariance
+        since = self.report.time
+        predict_state(estimated_pose, covariance, *self._moved(since, time), time - since)
+        return estimated_pose, covariance, self._residuals
 
     def _checked_image(
         self, time: float, pixels: npt.ArrayLike, valid: npt.ArrayLike | None

@@ -3,14 +3,15 @@
 An extended Kalman filter on the pose. Its state estimate is a pose (7,) with the covariance (6, 6) of
 (translation in the reference frame, rotation vector on the right), as everywhere. Between two images the
 camera is carried along the motion of the joints, as measured, or else along the planned one; what that does
-not know is the process noise.
+not know is the process noise. How well pixels are known is learnt from the residuals of several images: those
+of one image of a few points say too little of it.
 """
 
 import math
 
 import numpy as np
 
-from omniservo.estimation.refinement.pose_refinement import pose_covariance
+from omniservo.estimation.refinement.pose_refinement import inverse_information
 from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.geometry.kernel import kernel, leaf
 from omniservo.geometry.linear_systems import factor_cholesky, solve_factored
@@ -27,6 +28,9 @@ UNKNOWN = 1e3
 
 LEAST_PIXEL_VARIANCE = 0.02**2
 """No pixel is known better [px²]: a few residuals that happen to vanish do not make a pose certain."""
+
+MEMORY = 60.0
+"""degrees of freedom: of so many residuals, the latest, is the pixels' variance"""
 
 
 @leaf
@@ -80,21 +84,22 @@ def correct_state(
     used: BoolArray,
     measured: FloatArray,
     stamp: FloatArray,
-    estimate: tuple[FloatArray, FloatArray],
+    estimate: tuple[FloatArray, FloatArray, FloatArray],
 ) -> None:
-    """Join pose (7,) and covariance (6, 6), the ``estimate``, with ``measured`` (7,) in the image, in place.
+    """Join pose (7,) and covariance (6, 6) of the ``estimate`` with ``measured`` (7,) in the image, in place.
 
     K = P(P + C)⁻¹ with C the covariance of the measured pose: σ²(JᵀJ)⁻¹ of its reprojection error, and ssᵀ of
     its time stamp, s the camera's twist times the stamp's standard deviation. All points are off together
-    then, by their flow times that of the stamp, J s: pixel noise with the covariance J ssᵀ Jᵀ.
+    then, by their flow times that of the stamp, J s: pixel noise with the covariance J ssᵀ Jᵀ. σ² is that of
+    the residuals (2,), the estimate's third part, with this image's: Σr² [px²] and its degrees of freedom.
     """
-    pose, covariance = estimate
+    pose, covariance, residuals = estimate
     own, gain = np.empty((6, 6)), np.empty((6, 6))
-    known = pose_covariance(
-        parameters, points, pixels, used, measured[:4], measured[4:], LEAST_PIXEL_VARIANCE, own
-    )
-    if not known:
+    weights = used.astype(np.float64)
+    cost = inverse_information(parameters, points, pixels, weights, measured[:4], measured[4:], own)
+    if not cost < math.inf:
         return
+    own *= _pixel_variance(residuals, cost, 2.0 * weights.sum() - 6.0)
     _add_stamp(measured, stamp, own)
     total = own + covariance
     if not factor_cholesky(total, 6, 1e-15):
@@ -117,6 +122,15 @@ def correct_state(
     pose[:4] = turn_quaternion(pose[:4], step[3], step[4], step[5])
     for i in range(3):
         pose[4 + i] += step[i]
+
+
+@leaf
+def _pixel_variance(residuals: FloatArray, cost: float, degrees: float) -> float:
+    """Add an image's Σr² and its degrees of freedom to the ``residuals`` (2,); return σ² of all [px²]."""
+    kept = min(1.0, max(MEMORY - degrees, 0.0) / max(residuals[1], 1.0))
+    residuals[0] = kept * residuals[0] + cost
+    residuals[1] = kept * residuals[1] + degrees
+    return float(max(residuals[0] / residuals[1], LEAST_PIXEL_VARIANCE))
 
 
 @kernel

@@ -68,6 +68,8 @@ class Estimate(NamedTuple):
     """(7,) in: its prediction for the exposure; out: joined with the image"""
     covariance: FloatArray
     """(6, 6) likewise"""
+    residuals: FloatArray
+    """(2,) of the images so far, and with this one: Σr² [px²], degrees of freedom"""
     stamp: FloatArray
     """(6,) the camera's twist at the exposure times the standard deviation of the time stamp [m, rad]"""
 
@@ -92,7 +94,7 @@ def track_step(
     settings: FloatArray,
     sight: tuple[FloatArray, FloatArray, BoolArray, FloatArray],
     plan: tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray],
-    estimate: tuple[FloatArray, FloatArray, FloatArray],
+    estimate: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
     step: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
 ) -> int:
     """Write the camera twist (6,) of (43) with depths by (44) and return the status.
@@ -221,7 +223,7 @@ def _see_pose(
                 if valid[j]:
                     count += 1
             step.evidence[COUNT] = count
-            filtered = estimate.pose, estimate.covariance
+            filtered = estimate.pose, estimate.covariance, estimate.residuals
             correct_state(parameters, points, pixels, valid, step.pose, estimate.stamp, filtered)
             return True
     return False
