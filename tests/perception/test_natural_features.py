@@ -6,6 +6,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
+from scipy.spatial import SphericalVoronoi
 from textured_scenes import (
     Plate,
     corner,
@@ -28,6 +29,7 @@ from omniservo.perception import (
     match_features,
     match_images,
 )
+from omniservo.perception.field_views import REACH, _axes
 from omniservo.perception.guided_matches import LEAST_GUIDES, guided_matches
 from omniservo.perception.match_features import FeatureMatch
 from omniservo.perception.refine_matches import refine_matches
@@ -152,6 +154,13 @@ def test_pairs_are_one_to_one(scene):
     assert len(np.unique(pairs[:, 0])) == len(np.unique(pairs[:, 1])) == len(pairs)
     np.testing.assert_allclose(np.linalg.norm(a.descriptors, axis=1), 1.0, atol=1e-5)
     np.testing.assert_allclose((a.axes * a.bearings).sum(1), 0.0, atol=1e-12)
+
+
+def test_no_direction_is_farther_from_a_view_than_views_reach():
+    axes = _axes()
+    farthest = SphericalVoronoi(axes).vertices  # as far as any from the axes round them
+    away = np.arccos((farthest @ axes.T).max(axis=1))
+    assert REACH - math.radians(0.1) < away.max() < REACH
 
 
 def test_no_feature_is_found_twice_where_views_meet():

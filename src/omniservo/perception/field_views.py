@@ -16,8 +16,8 @@ from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray
 from omniservo.perception.tangent_patches import TangentFrames
 
 RINGS = ((0.0, 1), (45.0, 6), (90.0, 9), (135.0, 6), (180.0, 1))
-"""(angle from the axis [deg], count) of the views: no direction is farther than 29.4° from one of them"""
-REACH = math.radians(29.5)
+"""(angle from the axis [deg], count) of the views: no direction is farther than 31.5° from one of them"""
+REACH = math.radians(31.5)
 ROOM = 40
 """[px] that a view shows beyond its own directions, for the descriptors there"""
 LARGEST_HALF = 1000
