@@ -9,6 +9,7 @@ from omniservo.cameras import preset
 from omniservo.errors import Divergence, FeatureLoss, InputError, NotFinite
 from omniservo.servoing import SERVO_METHODS, servo_method
 from omniservo.tracking import GoalServo, GoalServoOptions
+from omniservo.tracking.goal_servo import SETTLED_FRAMES
 
 CAMERA = preset("fe185")
 POINTS = np.array(
@@ -183,6 +184,17 @@ def test_what_is_written_to_twist_and_report_changes_nothing_of_the_servo():
     np.testing.assert_array_equal(controller.predict(0.1)[0], expected)
     controller.step(0.1, start, EVERYTHING)
     assert controller.report.goal_error_px == pytest.approx(error)
+
+
+def test_the_same_image_does_not_count_twice():
+    controller = servo(options=GoalServoOptions(tolerance_px=1e3))
+    start = seen_from(RigidTransform.identity())
+    for _ in range(SETTLED_FRAMES):
+        controller.step(0.0, start, EVERYTHING)
+    assert not controller.done
+    for k in range(1, SETTLED_FRAMES):
+        controller.step(0.02 * k, start, EVERYTHING)
+    assert controller.done
 
 
 def test_a_time_that_is_no_number_is_refused():

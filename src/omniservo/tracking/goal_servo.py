@@ -23,7 +23,7 @@ LEAST_POINTS = 4
 """The pose needs four."""
 
 SETTLED_FRAMES = 5
-"""The goal counts as reached after this many frames in a row within the tolerance."""
+"""The goal counts as reached after this many frames in a row, each a new one, within the tolerance."""
 
 
 @with_field_docs
@@ -179,7 +179,7 @@ class GoalServo:
         """Return the camera twist (6,) for the points seen at ``time`` [s].
 
         Args:
-            time: of the exposure.
+            time: of the exposure; an image of the same time as the last is that one again.
             pixels: (n, 2) [px]; rows of points that are not ``valid`` may hold anything.
             valid: (n,) the points seen.
             acts_at: not used; the reference does not move.
@@ -211,10 +211,11 @@ class GoalServo:
                 f"{type(self.method).__name__} gives the twist {words}; it was not sent"
             ) from None
         factor = limit_twist(twist, self.options.max_linear_speed, self.options.max_angular_speed)
+        newer = self.report is None or time > self._time
         self._twist, self._time = twist.copy(), time
         off = (pixels - self._goal_pixels)[use]
         error = math.sqrt((off * off).sum() / count)
-        self._settled = self._settled + 1 if error <= self.options.tolerance_px else 0
+        self._settled = self._settled + newer if error <= self.options.tolerance_px else 0
         self.report = GoalServoReport(self._goal_pixels.copy(), error, pose.copy(), factor < 1.0)
         return twist
 
