@@ -58,7 +58,8 @@ def find_tags(image: ByteArray, camera: CentralModel, dictionary: str = "tag36h1
     Squares are looked for in the raw image and, with a wide field, in perspective views that cover it;
     each is fitted to the raw image's grey values, first by its rim, then with its code (`tag_fit`). A tag
     counts where every cell of its code agrees at the fitted place, blur taken into account; one that the
-    image's border, the lens's rim or a dead zone cuts is none. The corners are those of the square between
+    image's border, the lens's rim or a dead zone cuts is none, nor is one of more than 1500 px a side (of an
+    AprilTag 3 family that of the whole print). The corners are those of the square between
     the dark ring and the bright one, in which or round which the code stands.
 
     Args:
