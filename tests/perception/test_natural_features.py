@@ -156,6 +156,20 @@ def test_pairs_are_one_to_one(scene):
     np.testing.assert_allclose((a.axes * a.bearings).sum(1), 0.0, atol=1e-12)
 
 
+def test_a_place_of_the_goal_image_shows_one_point():
+    camera = UnifiedCamera(2000.0, 2000.0, 99.5, 59.5, 0.0, 200, 120)
+    half = cv2.GaussianBlur(np.random.default_rng(2).uniform(0, 255, (120, 100)), (0, 0), 2.0)
+    twice = cv2.normalize(np.hstack([half, half]), None, 0, 255, cv2.NORM_MINMAX).astype(np.uint8)
+    features = find_features(twice, camera)
+    apart = features.points.pixels[:, None] + [100.0, 0.0] - features.points.pixels
+    left, right = np.argwhere(np.linalg.norm(apart, axis=2) < 0.1).T
+    pairs = np.vstack([np.column_stack([left, left]), np.column_stack([right, left])])
+    match = refine_matches(camera, twice, twice, features, features, FeatureMatch(pairs, "ok", ""))
+    gaps = np.linalg.norm(match.goal.pixels[:, None] - match.goal.pixels, axis=2)
+    assert len(match) > 10
+    assert gaps[~np.eye(len(gaps), dtype=np.bool_)].min() > 1.0
+
+
 def test_no_direction_is_farther_from_a_view_than_views_reach():
     axes = _axes()
     farthest = SphericalVoronoi(axes).vertices  # as far as any from the axes round them
