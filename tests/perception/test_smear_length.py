@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from benchmarks.pictured_scenes import LENS, crate, motion, picture_of, smeared
 
+from omniservo.errors import InputError
 from omniservo.perception import match_images
 from omniservo.perception.smear_length import smear_length
 
@@ -60,3 +61,5 @@ def test_a_smeared_picture_is_refused_by_name():
     blurred = match_images(LENS, pictures[0], smeared(pictures[1], 21, rng))
     assert (blurred.status, len(blurred)) == ("blurred", 0)
     assert blurred.reason.startswith("the goal picture is smeared by motion over 2")
+    with pytest.raises(InputError, match="given; the camera's is"):
+        match_images(LENS, smeared(pictures[1], 21, rng), pictures[0][1:])

@@ -26,8 +26,9 @@ def match_images(camera: CentralModel, image_initial: ByteArray, image_goal: Byt
     Raises:
         InputError: not such images, or not of the camera's size.
     """
-    for image, name in ((image_initial, "initial"), (image_goal, "goal")):
+    for image in (image_initial, image_goal):
         check_image(image, camera)
+    for image, name in ((image_initial, "initial"), (image_goal, "goal")):
         if length := smear_length(image):
             return refused("blurred", f"the {name} picture is smeared by motion over {length} px")
     initial, goal = (find_features(image, camera) for image in (image_initial, image_goal))
