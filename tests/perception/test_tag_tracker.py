@@ -8,6 +8,7 @@ from tag_scenes import facing, render, true_pixels
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
 from omniservo.perception import TagTracker, find_tags
+from omniservo.perception.tag_kind import CornerTracker
 
 CAMERA = tag_scenes.cameras()["fe185"]
 IDS = (5, 2)
@@ -141,3 +142,9 @@ def test_through_a_lens_without_an_end_a_corner_without_prediction_loses_its_tag
     pixels, valid = TagTracker(camera, "tag36h11", (5,)).update(image, predicted)
     assert not valid.any()
     assert np.isnan(pixels).all()
+
+
+def test_a_prediction_is_needed_for_every_followed_corner():
+    followed = CornerTracker(CAMERA, "tag36h11", 4 * IDS[0] + np.arange(4))
+    with pytest.raises(InputError, match=r"predicted_pixels: shape \(1, 2\) given; \(4, 2\) is needed"):
+        followed.update(IMAGE, TRUE[:1])

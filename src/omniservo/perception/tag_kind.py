@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from omniservo.cameras.models import CentralModel
-from omniservo.errors import NoSolutionError
+from omniservo.errors import InputError, NoSolutionError
 from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray
 from omniservo.perception.feature_kind import LEAST_FEATURES, MatchedPoints, require_features
 from omniservo.perception.find_tags import find_tags
@@ -80,9 +80,16 @@ class CornerTracker:
         """Return the corners near their predictions, as of `TagTracker.update`; rows are those of ``ids``.
 
         A tag with fewer than three predicted corners stays lost; a fourth is where it makes a parallelogram.
+
+        Raises:
+            InputError: as `TagTracker.update`; a row of predictions for each corner is needed.
         """
+        predicted = np.asarray(predicted_pixels, dtype=np.float64)
+        if predicted.shape != (len(self._rows), 2):
+            given = f"predicted_pixels: shape {predicted.shape} given"
+            raise InputError(f"{given}; ({len(self._rows)}, 2) is needed")
         corners = np.full((4 * len(self._tracker.ids), 2), np.nan)
-        corners[self._rows] = predicted_pixels
+        corners[self._rows] = predicted
         tags = corners.reshape(-1, 4, 2)
         fourth = np.roll(tags, 1, axis=1) + np.roll(tags, -1, axis=1) - np.roll(tags, 2, axis=1)
         completed = np.where(np.isnan(tags), fourth, tags).reshape(-1, 2)
