@@ -57,7 +57,8 @@ class JoinedPoints:
     noise: FloatArray | None
     """(v, n) σ of a coordinate [px]; None: not known beforehand"""
     window: FloatArray | None
-    """(v, n) standard deviation [px] of the window that each was measured in; None: each errs by itself"""
+    """(v, n) standard deviation [px] of the window that each was measured in, as its root image shows it,
+    however much larger or smaller another one does; None: each errs by itself"""
     ids: IntArray | None
     """(n,) which corners of which tags they are, 4·tag + corner; None: no tags"""
     reasons: tuple[str, ...]
