@@ -82,8 +82,7 @@ def refine_matches(
     The pixel of the initial image is where the feature was found; the pixel of the goal is where an affine
     image of the patch round it, with gain and offset, fits best (`align_patches`). A pair is left out where
     that does not converge, leads far from the feature or to another shape than its scale, correlates badly or
-    is uncertain: that finds most wrong pairs. A place of either image that stands in several pairs keeps the
-    best one.
+    is uncertain: that finds most wrong pairs. A place of either image that stands in several keeps the best.
 
     The covariance is that of the residual and the gradients, times `CORRELATED`, and not less than
     `LEAST_ERROR`² in all.
@@ -117,8 +116,7 @@ def refine_matches(
     errors = _errors(camera, found, one, other)
     good &= seen & (np.sqrt(np.linalg.eigvalsh(errors.sum(0))[:, 1]) < MOST_ERROR)
     start = initial.points.pixels[match.pairs[:, 0]]
-    for places in (start, pixels):
-        good[good] = _once(places[good], found.correlation[good])
+    good[good] = _once((start[good], pixels[good]), found.correlation[good])
     count = int(good.sum())
     least = max(LEAST_PAIRS, math.ceil(LEAST_SHARE * min(len(initial.points), len(goal.points))))
     if count < least and agreeing_pairs(camera, start[good], pixels[good]) is None:
@@ -161,9 +159,10 @@ def _plausible(found: Alignment, ratio: FloatArray) -> BoolArray:
     return np.asarray(upright & (stretch[:, 0] < MOST_SHEAR * np.minimum(1.0, stretch[:, 1]) * np.sqrt(2.0)))
 
 
-def _once(pixels: FloatArray, correlation: FloatArray) -> BoolArray:
-    """False where a better pair has the same place."""
-    once = np.ones(len(pixels), dtype=np.bool_)
-    for i, j in cKDTree(pixels).query_pairs(1.0, output_type="ndarray"):
-        once[i if correlation[i] < correlation[j] else j] = False
+def _once(places: tuple[FloatArray, FloatArray], correlation: FloatArray) -> BoolArray:
+    """False where a better pair has the same place in one of the two images."""
+    once = np.ones(len(correlation), dtype=np.bool_)
+    for pixels in places:
+        for i, j in cKDTree(pixels).query_pairs(1.0, output_type="ndarray"):
+            once[i if correlation[i] < correlation[j] else j] = False
     return once
