@@ -24,7 +24,7 @@ class TagCodes:
     """(tags, cells, cells) rows from the top of the tag as printed"""
     signs: npt.NDArray[np.float32]
     """(tags, bits) of the code's cells, row by row, +1 bright and −1 dark, less their mean and of length 1;
-    0 where corners cannot be told"""
+    0 where corners cannot be distinguished"""
     turns: IntArray
     """(4, bits) turned k times by 90°, so that its corner k comes first, the tag has in its j-th cell what it
     had in the cell ``turns[k, j]``"""
