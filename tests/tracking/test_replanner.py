@@ -197,6 +197,30 @@ def test_a_way_entered_too_fast_for_its_bend_is_taken_up_after_the_old_one_was_s
     assert slowed >= 1
 
 
+@pytest.mark.parametrize("later", [0.033, 0.1, 0.2])
+def test_what_changes_while_the_old_way_is_slowed_down_is_answered_from_where_the_new_one_begins(arm, later):
+    plan, carried = arm
+    rx60 = carried.setting.arm
+
+    def limits(path, joints):
+        return PathLimits(joints, rx60.joint_speed, 0.05 * rx60.joint_acceleration)
+
+    tracker, replanner = following(arm=replace(carried, limits=limits), plan=plan)
+    first = Sphere(PLAN.path(0.65).translation + np.array([0.0, 0.004, 0.0]), 0.02)
+    replanner.set_obstacles([first])
+    event = replanner.look(1.4)
+    assert len(event.legs) == 2
+    ball = Sphere(event.leg.path(0.6).translation, 0.005)
+    replanner.set_obstacles([first, ball])
+    again = replanner.look(1.4 + later)
+    assert (again.outcome, again.leg.time) == ("replanned", pytest.approx(event.leg.time))
+    (before, slow), (after, fast) = (reference(tracker, again.leg.time + d) for d in (-1e-9, 0.0))
+    assert (before.inv() * after).as_matrix() == pytest.approx(np.eye(4), abs=1e-8)
+    assert fast == pytest.approx(slow, abs=1e-7)
+    ways = again.leg.path.positions(np.linspace(0.0, 1.0, 200))
+    assert min(other.distance(ways).min() for other in (first, ball)) >= 0.03
+
+
 def test_a_way_that_is_still_proven_is_kept():
     tracker, replanner = following()
     replanner.set_obstacles([replace(AWAY, radius=0.03)])

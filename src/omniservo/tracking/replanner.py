@@ -269,7 +269,8 @@ class Replanner:
         self, time: float, cause: Literal["obstacles", "estimate"], known: _Known, begin: float
     ) -> Replanning:
         """Return what is to be done; how long that took is stated by `look`."""
-        problem, later = known.problem, time + self.options.ahead
+        # A way that is to be entered only later is entered first: no leg begins before the last one.
+        problem, later = known.problem, max(time + self.options.ahead, self._tracker.legs[-1].time)
         same_goal = problem.initial_T_goal is self._problem.initial_T_goal
 
         kept = Replanning(time, cause, "kept", self._at(later)[0].w(later)[0], problem, 0.0)
