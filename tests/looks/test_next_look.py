@@ -8,6 +8,7 @@ from tests.looks.conftest import SINGULAR
 
 from omniservo.errors import InputError
 from omniservo.looks import NextLook, next_look, uncertainty_size, what_is_missing
+from omniservo.looks.candidate_joints import ASIDE, ROLLED, _camera_moves
 from omniservo.looks.followed_points import MOST_POINTS
 from omniservo.risk import plan_arm_with_risk
 from omniservo.whole_arm import plan_with_arm
@@ -104,3 +105,16 @@ def test_what_would_have_to_be_better_is_found_by_making_it_so(standing, tube):
 
     assert "pixels: a quarter as uncertain" in what_is_missing(standing(), needs_quiet_pixels)
     assert what_is_missing(standing(), lambda there: False).startswith("there would be none if everything")
+
+
+@pytest.mark.parametrize("distance", [0.15, 0.5])
+def test_from_aside_the_camera_is_aimed_at_the_target_rolled_or_not(distance):
+    middle = distance * np.array([0.6, 0.0, 0.8])
+    aside = [pose for pose in _camera_moves(middle) if abs(pose.translation @ middle) < 1e-12]
+    assert len(aside) == 2 * 8 * len(ASIDE)
+    for straight, rolled in zip(aside[::2], aside[1::2], strict=True):
+        for pose in (straight, rolled):
+            seen = pose.inv().apply(middle)
+            assert seen / np.linalg.norm(seen) == pytest.approx(middle / distance, abs=1e-12)
+        roll = (straight.inv() * rolled).rotation.as_rotvec()
+        assert roll == pytest.approx(ROLLED * middle / distance, abs=1e-12)

@@ -67,7 +67,8 @@ def _camera_moves(middle: FloatArray) -> Iterator[RigidTransform]:
             way = length * (np.cos(angle) * across[0] + np.sin(angle) * across[1])
             turn = _towards(ahead, middle - way)
             for rolled in (0.0, ROLLED):
-                yield RigidTransform.from_components(way, Rotation.from_rotvec(rolled * ahead) * turn)
+                # turned after the roll, so that it stays aimed
+                yield RigidTransform.from_components(way, turn * Rotation.from_rotvec(rolled * ahead))
     for way in (ALONG * ahead, -ALONG * ahead):
         yield RigidTransform.from_components(way, Rotation.from_rotvec(ROLLED * ahead))
 
