@@ -5,9 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import RigidTransform, Rotation
 from tests.risk.test_plan_with_risk import estimated
 
-from omniservo.planning import plan_path
+from omniservo.planning import CameraPath, HalfSpace, plan_path
 from omniservo.risk import Executions, plan_with_risk
 from omniservo.risk.plan_with_risk import problem_of_estimate
 from omniservo.risk.safe_path import (
@@ -163,6 +164,24 @@ def test_samples_unlike_the_few_that_show_where_to_look_are_judged_where_constra
     places = runs.places(plan.path, critical_places(plan))
     missing = (runs.margins_at(places) < 0.0).any(axis=1)
     assert missing.sum() > 5
+    np.testing.assert_array_equal(runs.violated_at(places), missing)
+
+
+def test_where_a_constraint_is_tightest_nothing_may_be_taken_and_much_where_it_leaves_more(paper):
+    """The camera leaves a wall, then goes along it: what is turned about the start is taken at the end."""
+    rng, start = np.random.default_rng(97), paper(1)
+    goal = RigidTransform.from_translation([0.2, 0.014, 0.0])
+    wall = HalfSpace([0.0, 1.0, 0.0], -0.031)
+    problem = replace(start, initial_T_goal=goal, obstacles=(wall,), clearance=0.03, visibility_margin=0.0)
+    angles = np.concatenate([0.008 * rng.standard_normal(100), -0.09 * np.ones(20)])
+    turns = [Rotation.from_rotvec([0.0, 0.0, angle]).as_matrix() for angle in angles]
+    runs = Executions(problem, problem.points @ np.transpose(turns, (0, 2, 1)), np.zeros((120, 0)))
+    path = CameraPath(np.eye(4)[:, 3:], [[0.0, 0.2, 0.0], [-0.014, 0.028, 0.0], np.zeros(3)])
+    places = runs.places(path, np.empty(0))
+    assert (np.argmin(places.planned[:, 0]), places.planned[0, 0]) == (0, pytest.approx(1e-3))
+    missing = unmet_anywhere(runs, places)
+    assert missing[100:].all()
+    np.testing.assert_array_equal((runs.margins_at(places) < 0.0).any(axis=1), missing)
     np.testing.assert_array_equal(runs.violated_at(places), missing)
 
 

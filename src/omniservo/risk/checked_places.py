@@ -37,6 +37,9 @@ class CheckedPlaces(NamedTuple):
 
     @property
     def in_danger(self) -> BoolArray:
-        """(W, e + 2) of those places the tightest of each constraint, and where it leaves little."""
+        """(W, e + 2) the tightest places of each constraint, and where it leaves little.
+
+        Not only of those that are nearly tightest: there nothing may be taken, as where a path begins.
+        """
         danger: BoolArray = self.planned <= maximum(self.planned.min(axis=0), FAR * self.taken)
-        return self.nearly_tightest & danger
+        return danger & (self.planned < math.inf)

@@ -67,13 +67,13 @@ class Executions:
         """Return the smallest margin (K, d) of each sample and constraint along the executed path [m], [px].
 
         ``critical`` are more places w to look at. The domain's angle counts in px, by the focal length. A
-        constraint is checked only where it is nearly as tight as anywhere.
+        constraint is checked only where it is nearly as tight as anywhere, or leaves little.
         """
         return self.margins_at(self.places(path, critical))
 
     def margins_at(self, places: CheckedPlaces) -> FloatArray:
         """Return the same at places that samples of the same law have shown."""
-        active = places.nearly_tightest
+        active = places.nearly_tightest | places.in_danger
         return self._grouped(self._run(places.response, active, self.points, self.camera, 1)[:, 0])
 
     def violated_at(self, places: CheckedPlaces) -> BoolArray:
