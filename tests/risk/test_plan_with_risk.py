@@ -141,7 +141,7 @@ def test_a_plan_is_ok_by_the_bound_on_its_risk_and_not_by_what_the_samples_show(
     """Few enough samples violate anything; what so few of them leave possible is more than the risk."""
     for bound, ok in ((0.01, True), (0.0101, False)):
         doubted = sys.modules["omniservo.risk.plan_with_risk"]
-        monkeypatch.setattr(doubted, "upper_bound", lambda violations, samples, bound=bound: bound)
+        monkeypatch.setattr(doubted, "upper_bound", lambda *_, bound=bound: bound)
         found = plan_with_risk(paper(1), estimated(paper(1), noise=1e-4), risk=0.01)
         assert found.predicted < 0.01
         assert (found.ok, found.plan.status) == (ok, "certified" if ok else "not_found")

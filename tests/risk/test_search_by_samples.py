@@ -114,6 +114,33 @@ def test_what_is_said_of_the_risk_rests_on_all_samples_that_have_no_part_in_the_
     assert found.predicted_bound == upper_bound(violations, 2000)
 
 
+def repeating(estimate, monkeypatch, repeats):
+    """As if a sample's motion were so often among all."""
+    sample = type(estimate).sample
+    monkeypatch.setattr(type(estimate), "sample", lambda *given: replace(sample(*given), repeats=repeats))
+
+
+def test_samples_that_repeat_motions_say_as_much_as_fewer_independent_ones(paper, monkeypatch):
+    problem = paper(1)
+    estimate = estimated(problem, scale_sigma=0.03)
+    repeating(estimate, monkeypatch, 2.0)
+    found = plan_with_risk(problem, estimate, risk=0.01)
+    assert found.ok
+    violations = round(2000 * found.predicted)
+    assert found.predicted_bound == upper_bound(violations, 2000, 2.0) > upper_bound(violations, 2000)
+    assert upper_bound(10, 2000, 2.0) == pytest.approx(upper_bound(5, 1000))
+    assert [allowed_violations(0.01, 2000, repeats) for repeats in (1.0, 2.0, 5.0)] == [9, 5, -1]
+
+
+def test_samples_of_too_few_motions_show_no_risk_however_few_miss(paper, monkeypatch):
+    estimate = estimated(paper(1), noise=1e-4)
+    repeating(estimate, monkeypatch, 20.0)
+    found = plan_with_risk(paper(1), estimate, risk=0.01)
+    assert not found.ok
+    assert found.predicted < 0.005
+    assert "say no more than 100 independent ones" in found.plan.reason
+
+
 def test_after_a_verdict_against_it_a_plan_begins_with_the_margins_it_had(paper, monkeypatch):
     searched, module = [], sys.modules["omniservo.risk.plan_with_risk"]
 

@@ -184,6 +184,7 @@ class TwoViewEstimate:
         moved, lens = law.draw_calibration(streams[1], count)
         if "calibration" not in sources:
             moved, lens = 0.0 * moved, 0.0 * lens
+        repeats = 1.0
         if "noise" in sources:
             tau = law.taus(streams[2], count)
             if measured is None or camera is None:
@@ -194,7 +195,8 @@ class TwoViewEstimate:
                 fitted = np.concatenate([unified.project(p)[0] for p in views], axis=1)
                 pixels = fitted - self.residuals_px[self.inliers]
                 matches = Matches.of_pixels(unified, pixels, measured)
-                moved += likelihood_samples(matches, pose, views[0], law, tau, streams[2], chosen)
+                drawn, repeats = likelihood_samples(matches, pose, views[0], law, tau, streams[2], chosen)
+                moved += drawn
         seen = factor[:, None, None] * (self.points[inliers[chosen]] + moved[:, 6:].reshape(count, -1, 3))
         points = seen
         if rows is None:
@@ -202,7 +204,7 @@ class TwoViewEstimate:
             points[:, inliers] = seen
         translation = factor[:, None] * (pose.translation + moved[:, :3])
         rotation = pose.rotation * Rotation.from_rotvec(moved[:, 3:6])
-        return EstimateSamples(RigidTransform.from_components(translation, rotation), points, lens)
+        return EstimateSamples(RigidTransform.from_components(translation, rotation), points, lens, repeats)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain lists and numbers; NaN becomes None. See :meth:`from_dict`."""

@@ -38,6 +38,8 @@ class Executions:
     """(K, n, 3) [m]"""
     camera: FloatArray
     """(K, p) parameters' deviations; p = 0 where the camera is exact"""
+    repeats: float = 1.0
+    """K/repeats independent samples say as much, see `EstimateSamples`"""
 
     @classmethod
     def of(
@@ -52,7 +54,7 @@ class Executions:
             raise InputError("camera: distortion and a mask together; plans with risk take one of them")
         points = samples.points if rows is None else samples.points[:, rows]
         deviations = samples.camera if samples.camera.any() else samples.camera[:, :0]
-        return cls(problem, np.ascontiguousarray(points), deviations.copy())
+        return cls(problem, np.ascontiguousarray(points), deviations.copy(), samples.repeats)
 
     @property
     def constraints(self) -> tuple[str, ...]:

@@ -126,9 +126,10 @@ def judged_links(
         InputError: too few executions for the risk.
     """
     count = max(LEAST_SAMPLES, math.ceil(RARE / risk)) if executions is None else len(executions.points)
-    most = allowed_violations(risk, count)
+    repeats = 1.0 if executions is None else executions.repeats
+    most = allowed_violations(risk, count, repeats)
     if most < 0:
-        least = math.ceil(math.log(1.0 - EACH) / math.log1p(-risk))
+        least = math.ceil(repeats * math.log(1.0 - EACH) / math.log1p(-risk))
         raise InputError(f"executions: {count} given; a risk of {risk:g} needs at least {least} of them")
     if found.branch is None or found.plan.path is None:
         return LinkMargin(risk, 1.0, 0.0, 0.0, 0.0), math.inf

@@ -93,8 +93,8 @@ def searched(
         if found.verdict is None:
             return RiskPlan(False, found.plan, risk, 1.0, 1.0, count, 0.0, 0.0, _since(begin), _no_plan)
         violations = int(samples.check.violated_at(found.verdict.places).sum())
-        bound = upper_bound(violations, count)
-        missing = keeps(found.plan)
+        bound = upper_bound(violations, count, samples.check.repeats)
+        missing = samples.too_alike or keeps(found.plan)
         ok = bound <= risk and not missing
         if ok or not found.ok:
             break

@@ -73,21 +73,22 @@ class SafePath:
     """of the plan's executions; None where there is no path"""
 
 
-def upper_bound(violations: int, samples: int) -> float:
+def upper_bound(violations: int, samples: int, repeats: float = 1.0) -> float:
     """Return the probability that so many violations in so many samples leave possible (Clopper-Pearson).
 
-    With `EACH`, so that all verdicts on the same samples together have `CONFIDENCE`.
+    With `EACH`, so that all verdicts on the same samples together have `CONFIDENCE`. Of samples that repeat
+    motions (`EstimateSamples.repeats`) the same share of as many as say as much.
     """
     if violations >= samples:
         return 1.0
-    return float(betaincinv(violations + 1, samples - violations, EACH))
+    return float(betaincinv(violations / repeats + 1, (samples - violations) / repeats, EACH))
 
 
 @lru_cache(maxsize=64)
-def allowed_violations(risk: float, samples: int) -> int:
+def allowed_violations(risk: float, samples: int, repeats: float = 1.0) -> int:
     """Return the most violations whose upper bound is within ``risk``; −1 where not even 0 is."""
     count = -1
-    while count + 1 < samples and upper_bound(count + 1, samples) <= risk:
+    while count + 1 < samples and upper_bound(count + 1, samples, repeats) <= risk:
         count += 1
     return count
 

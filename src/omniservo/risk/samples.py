@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
 
 import numpy as np
@@ -14,7 +14,7 @@ from omniservo.estimation.uncertainty.joint_uncertainty import SOURCES, Source
 from omniservo.geometry.arrays import IntArray
 from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.risk.executions import Executions
-from omniservo.risk.safe_path import Draw
+from omniservo.risk.safe_path import Draw, allowed_violations
 
 LEAST_COUNT = 2000
 RARE = 20
@@ -47,17 +47,28 @@ class RiskSamples:
     @cached_property
     def few(self) -> Executions:
         """A part, drawn for itself."""
-        return self._drawn(self.count // FEWER, (self.seed, 3), SOURCES)
+        return self._searched(self.count // FEWER, (self.seed, 3))
 
     @cached_property
     def every(self) -> Executions:
         """All to search with."""
-        return self._drawn(self.count, self.seed, SOURCES)
+        return self._searched(self.count, self.seed)
 
     @cached_property
     def check(self) -> Executions:
         """Those that have no part in any search."""
         return self._drawn(self.count, self.seed + 1, SOURCES)
+
+    @property
+    def too_alike(self) -> str:
+        """Why those to judge by cannot show so small a risk of any plan; "": they can."""
+        count, repeats = self.count, self.check.repeats
+        if allowed_violations(self.risk, count, repeats) >= 0:
+            return ""
+        return (
+            f"the estimate's {count} samples repeat few motions and say no more than {count / repeats:.0f} "
+            f"independent ones, which cannot show a risk of {self.risk:g}"
+        )
 
     @property
     def draws(self) -> tuple[Draw, ...]:
@@ -73,6 +84,10 @@ class RiskSamples:
     def alone(self, source: Source) -> Executions:
         """Return a few of one source."""
         return self._drawn(ALONE, self.seed + 2, (source,))
+
+    def _searched(self, count: int, seed: int | Sequence[int]) -> Executions:
+        """Return samples of all sources that are taken for independent: others judge what is found."""
+        return replace(self._drawn(count, seed, SOURCES), repeats=1.0)
 
     def _drawn(self, count: int, seed: int | Sequence[int], sources: tuple[Source, ...]) -> Executions:
         random, camera = np.random.default_rng(seed), self.estimate.camera or self.problem.camera

@@ -167,3 +167,6 @@ class EstimateSamples:
     """(count, n, 3) [m], initial camera frame; NaN for a rejected match; of the rows required, if any"""
     camera: FloatArray
     """(count, p) by how much the camera's parameters differ from the stated ones, p = 0, 5 or 9"""
+    repeats: float = 1.0
+    """how often the motion of a sample is among them, on average: so many times fewer that are independent
+    say as much. Above 1 where motions are likely that the normal law rarely proposes"""

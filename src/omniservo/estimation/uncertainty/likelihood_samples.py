@@ -21,8 +21,14 @@ from omniservo.estimation.uncertainty.joint_uncertainty import JointUncertainty
 from omniservo.geometry.arrays import FloatArray, IntArray
 from omniservo.geometry.kernel import kernel, leaf
 
-PROPOSALS = 8
-"""for every sample that is kept"""
+PROPOSALS, MORE = 8, 64
+"""for every sample that is kept; the second where the first repeat motions"""
+
+MOST = 1_000_000
+"""proposals at most, where there are more than the first"""
+
+REPEATED = 1.1
+"""Motions that are kept more than once are likely ones of which few were proposed."""
 
 POINT_STEPS = 2
 """Newton steps from the linear structure to that of least reprojection error."""
@@ -38,8 +44,9 @@ def likelihood_samples(
     tau: FloatArray,
     rng: np.random.Generator,
     shown: IntArray,
-) -> FloatArray:
-    """Return samples of dx (K, 6 + 3m) by the likelihood.
+    proposals: int = PROPOSALS,
+) -> tuple[FloatArray, float]:
+    """Return samples of dx (K, 6 + 3m) by the likelihood, and how often their motions repeat (`repeats_of`).
 
     Args:
         matches: the inliers' measured pixels, weighted by their σ.
@@ -49,11 +56,12 @@ def likelihood_samples(
         tau: (K,) proposed factors of σ.
         rng: where the numbers come from.
         shown: (m,) of the n points, whose samples are wanted.
+        proposals: for every sample, at first.
     """
     rotation, translation = np.ascontiguousarray(pose.rotation.as_matrix()), pose.translation
     rows, sigma = law.noise[:, :6], matches.noise_px or 1.0
     length, count = float(np.linalg.norm(translation)), len(tau)
-    factors = np.repeat(tau, PROPOSALS)
+    factors = np.repeat(tau, proposals)
     proposed = factors[:, None] * (rng.standard_normal((len(factors), len(rows))) @ rows)
     direction = translation / length
     along = proposed[:, :3] @ direction
@@ -75,6 +83,9 @@ def likelihood_samples(
     )
     gains = 0.5 * (squares - (costs[:-1] - costs[-1]) / sigma**2) / factors**2
     chosen = _resampled(rng, gains, count)
+    repeats, more = repeats_of(chosen), min(MORE, MOST // count)
+    if repeats > REPEATED and proposals == PROPOSALS < more:
+        return likelihood_samples(matches, pose, points, law, tau, rng, shown, more)
     found = np.empty((count, len(shown), 3))
     structures(
         matches.parameters,
@@ -88,7 +99,16 @@ def likelihood_samples(
     lengths = length + along[chosen]
     shifts = lengths[:, None] * towards[chosen] - translation
     moved = lengths[:, None, None] * found + law.draw_own(rng, factors[chosen]) - points[shown]
-    return np.concatenate((shifts, proposed[chosen, 3:], moved.reshape(count, -1)), axis=1)
+    return np.concatenate((shifts, proposed[chosen, 3:], moved.reshape(count, -1)), axis=1), repeats
+
+
+def repeats_of(chosen: IntArray) -> float:
+    """Return how often the choice of one of the K samples is among them, on average, Σc²/K.
+
+    A mean over the K varies as one over K/repeats independent ones does.
+    """
+    _, times = np.unique(chosen, return_counts=True)
+    return float((times**2).sum() / len(chosen))
 
 
 def _resampled(rng: np.random.Generator, gains: FloatArray, count: int) -> IntArray:
