@@ -157,7 +157,9 @@ class ViewingState:
     def room_for(self, pose: RigidTransform) -> float:
         """Return how far things that are known in the camera's frame of now may be from there [m].
 
-        They stand where the joints have them in the frame at ``pose``, as exactly as the mount is known.
+        They stand where the joints have them in the frame at ``pose``, as exactly as the mount is known: for
+        what is no farther from the camera than the farthest inlier. What the arm passes farther away may be
+        more off.
         """
         inliers = self.estimate.points[self.estimate.inliers]
         return mount_room(pose, self.mount, float(np.linalg.norm(inliers, axis=1).max()))
