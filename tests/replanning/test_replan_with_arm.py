@@ -218,6 +218,16 @@ def test_a_link_that_touches_something_where_the_arm_is_to_go_is_said(planned):
     assert rest.attempts == 0
 
 
+def test_joints_that_stand_nearer_to_the_end_of_a_range_than_is_kept_are_said_and_not_refused(planned):
+    """They came there by a way that kept less, where there was no other."""
+    problem, setting, found = planned
+    room = float(setting.arm.limit_margins(found.branch(0.5)).min())
+    stricter = replace(setting, start=None, limit_reserve=room + 0.01)
+    rest = replan_with_arm(found.plan, found.branch, 0.5, problem, stricter)
+    assert rest.plan.status == "infeasible"
+    assert "are kept at both ends" in rest.plan.reason
+
+
 def test_bodies_that_are_given_are_those_that_are_kept_off(planned):
     problem, setting, found = planned
     elbow = setting.base_T_initial.inv().apply([0.0, 0.0, 0.45])

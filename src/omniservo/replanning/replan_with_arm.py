@@ -75,9 +75,9 @@ def replan_with_arm(
     budget = TimeBudget(time_budget)
     finite_number("seed", seed, minimum=0)
     old, pose, rest = rest_of_plan(plan, w, problem, pose)
-    base_T_here = composed(setting.base_T_initial, pose)
-    goal = base_T_here.as_matrix() @ inverse(setting.flange_T_camera)
-    here = replace(setting, base_T_initial=base_T_here, start=_on_pose(setting.arm, joints(w), goal))
+    here = _standing(setting, composed(setting.base_T_initial, pose), joints(w))
+    if isinstance(here, str):
+        return _nothing(rest, budget, here)
     bodies = here.bodies(rest.obstacles) if bodies is None else bodies
     aims = [None if plan.aim is None else joints.positions[-1]]  # self-motion goes on to where it was led
     velocity = (1.0 - w) * joints(w, 1) if setting.arm.dof > 6 else None
@@ -153,6 +153,15 @@ def with_room(constraints: Constraints, planes: int, room: float) -> Constraints
     clouds[:, CLOUD_REACH] += room
     sides[:planes, 3:5] += room
     return constraints._replace(obstacles=obstacles, bodies=bodies, clouds=clouds, planes=sides)
+
+
+def _standing(setting: ArmSetting, base_T_here: RigidTransform, q: FloatArray) -> ArmSetting | str:
+    """Return the arm on its way, or why it cannot begin there: by a way that kept less of its ranges."""
+    start = _on_pose(setting.arm, q, base_T_here.as_matrix() @ inverse(setting.flange_T_camera))
+    try:
+        return replace(setting, base_T_initial=base_T_here, start=start)
+    except InputError as error:
+        return str(error)
 
 
 def _on_pose(arm: Arm, q: FloatArray, base_T_flange: FloatArray) -> FloatArray:
