@@ -73,15 +73,8 @@ def likelihood_samples(
     towards = direction + across / length
     towards /= np.linalg.norm(towards, axis=1, keepdims=True)
     turns = rotation @ Rotation.from_rotvec(proposed[:, 3:]).as_matrix()
-    costs = np.empty(len(factors) + 1)
-    motion_costs(
-        matches.bearings,
-        matches.jacobians,
-        np.concatenate((turns, rotation[None])),
-        np.concatenate((towards, direction[None])),
-        costs,
-    )
-    gains = 0.5 * (squares - (costs[:-1] - costs[-1]) / sigma**2) / factors**2
+    dearer = _dearer(matches, (turns, towards), (rotation, direction))
+    gains = 0.5 * (squares - dearer / sigma**2) / factors**2
     chosen = _resampled(rng, gains, count)
     repeats, more = repeats_of(chosen), min(MORE, MOST // count)
     if repeats > REPEATED and proposals == PROPOSALS < more:
@@ -100,6 +93,17 @@ def likelihood_samples(
     shifts = lengths[:, None] * towards[chosen] - translation
     moved = lengths[:, None, None] * found + law.draw_own(rng, factors[chosen]) - points[shown]
     return np.concatenate((shifts, proposed[chosen, 3:], moved.reshape(count, -1)), axis=1), repeats
+
+
+def _dearer(
+    matches: Matches, motions: tuple[FloatArray, FloatArray], optimum: tuple[FloatArray, FloatArray]
+) -> FloatArray:
+    """Return S − S₀ (k,) [px²] of motions, rotations (k, 3, 3) and directions (k, 3)."""
+    turns, towards = (np.concatenate((m, o[None])) for m, o in zip(motions, optimum, strict=True))
+    costs = np.empty(len(turns))
+    motion_costs(matches.bearings, matches.jacobians, turns, towards, costs)
+    gone: FloatArray = costs[:-1] - costs[-1]
+    return gone
 
 
 def repeats_of(chosen: IntArray) -> float:
