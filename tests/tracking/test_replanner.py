@@ -313,7 +313,7 @@ def test_a_second_change_before_the_first_way_is_taken_up_is_answered_from_there
     ],
 )
 def test_where_no_way_on_is_proven_the_servo_is_stopped_with_the_reason(obstacle, words):
-    _, replanner = following(ReplanOptions(time_budget=0.2))
+    _, replanner = following()
     replanner.set_obstacles([obstacle])
     with pytest.raises(Blocked, match=f"^obstacles changed at 1.000 s and no way on is proven: .*{words}"):
         replanner.look(1.0)
