@@ -27,7 +27,7 @@ PROPOSALS, MORE = 8, 64
 MOST = 1_000_000
 """proposals at most, where there are more than the first"""
 
-REPEATED = 1.1
+REPEATED = 1.5
 """Motions that are kept more than once are likely ones of which few were proposed."""
 
 POINT_STEPS = 2

@@ -33,7 +33,7 @@ FIRST_ZEROS = 0.25
 AT_REST = 0.5
 """So long after it came to rest [s] a motion begins where the joints are, not where they were commanded."""
 
-STALE = 0.05
+STALE = 0.04
 """After so long without a state [s] messages that name some joints only are an error [s]."""
 
 _LOOK = 0.01
