@@ -409,6 +409,20 @@ def test_a_command_that_none_follows_expires(listening):
     stays_stopped(client, folder)
 
 
+def test_what_stops_a_fast_arm_is_told_once_it_stands(listening, monkeypatch):
+    client, _ = listening
+    client.enable()
+    fast = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 2.0])
+    client.image()
+    client.command(fast)
+    until(lambda: client.status.joints[2, 5] > 1.9)
+    monkeypatch.setattr(client, "_life", -1.0)
+    with pytest.raises(DeadlinePassed):
+        client.command(fast)
+    assert client.status.phase is Phase.STOPPED
+    assert not client.status.joints[2].any()
+
+
 def test_before_the_first_image_nothing_moves_and_that_is_said(listening, camera, monkeypatch):
     client, folder = listening
     monkeypatch.setattr(camera, "image", lambda: None)

@@ -326,18 +326,17 @@ class DriveClient:
         return Passed(frozen(status.joints[4]), frozen(status.joints[3]), status.limits)
 
     def _refuse_stopped(self) -> None:
+        self._raise_news()
         stopped = self.stopped
         if stopped is not None:
-            raise (
-                type(stopped)(f"stopped before: {stopped}; release({stopped.reason!r}) lets it move again")
-                if self._told
-                else self._news_of(stopped)
-            )
+            raise type(stopped)(f"stopped before: {stopped}; release({stopped.reason!r}) lets it move again")
 
     def _raise_news(self) -> None:
-        """Raise what the drive stopped for, once."""
+        """Raise what the drive stopped for, once, as soon as the arm stands."""
         stopped = self.stopped
         if stopped is not None and self._told is None:
+            with suppress(ConnectionLost):  # of a drive that says no more nothing can be waited for
+                self._until(lambda status: status.phase is not Phase.BRAKING, _REST, "brake")
             raise self._news_of(stopped)
 
     def _news_of(self, stopped: ServoStop) -> ServoStop:
