@@ -8,6 +8,7 @@ import pytest
 from tests.cli.calling import call
 
 from omniservo.robots import TrackingTube, load_arm
+from omniservo.runs.measure_tube import measure_tube
 from omniservo.tasks import load_task
 
 START, WAY = np.array([0.0, 0.4, -0.8, 0.1, 0.7, 0.2]), np.array([0.3, 0.1, 0.0, 0.0, 0.2, 0.0])
@@ -46,6 +47,20 @@ def test_runs_become_a_tube_that_a_task_can_name(capsys, tmp_path):
     assert tube.links["camera"] < 3e-3 * 0.2
     alone = {link: most for link, most in tube.links.items() if "&" not in link}
     assert tube.links["shoulder"] == pytest.approx(0.5 * max(alone.values()), rel=1e-5)
+
+
+def test_points_stray_by_both_coordinates_in_whichever_order_columns_stand(tmp_path):
+    names = [f"{name}_{i}" for name in ("joints", "planned_joints") for i in range(6)]
+    points = ["pixels_0_0", "pixels_1_0", "pixels_0_1", "pixels_1_1"]
+    row = [*START, *START, 3.0, 0.0, 4.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+    runs = []
+    for k in range(2):
+        runs.append(tmp_path / f"{k}.csv")
+        with runs[-1].open("w", newline="") as file:
+            writer = csv.writer(file)
+            writer.writerows([[*names, *points, *(f"reference_{name}" for name in points)], row, row])
+    tube = measure_tube(load_task("paper-example-1"), runs)
+    assert tube.shape[-1] == pytest.approx(2.0 * 5.0)
 
 
 @pytest.mark.parametrize(

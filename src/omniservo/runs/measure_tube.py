@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -72,12 +73,15 @@ def _stacked(columns: dict[str, FloatArray], name: str, count: int, path: Path) 
 
 def _image(columns: dict[str, FloatArray], path: Path) -> float:
     """Return the farthest that a point was found from its reference [px]."""
-    gaps = [
-        columns[name] - columns[f"reference_{name}"]
-        for name in columns
-        if name.startswith("pixels_") and f"reference_{name}" in columns
-    ]
-    if not gaps or len(gaps) % 2:
+    points = sorted({name[:-2] for name in columns if re.fullmatch(r"pixels_\d+_[01]", name)})
+    try:
+        gaps = [
+            [columns[f"{point}_{k}"] - columns[f"reference_{point}_{k}"] for k in (0, 1)] for point in points
+        ]
+    except KeyError as missing:
+        raise InputError(
+            f"{path}: {missing.args[0]} is needed, as pixels_j_k and reference_pixels_j_k"
+        ) from None
+    if not gaps:
         raise InputError(f"{path}: pixels_j_k and reference_pixels_j_k are needed")
-    squares = np.array(gaps) ** 2
-    return float(np.sqrt(np.nanmax(squares[::2] + squares[1::2])))
+    return float(np.nanmax(np.linalg.norm(gaps, axis=1)))
