@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import os
+import resource
 import subprocess
 import sys
 from functools import cache
@@ -15,7 +16,7 @@ from tests.runs.changed_task import DrawnCell, short, written
 from tests.runs.test_looks import task_with
 
 from omniservo.cli.main import main
-from omniservo.errors import InputError, NoSolutionError
+from omniservo.errors import InputError, NoSolutionError, NotWritten
 from omniservo.files import noting_reads
 from omniservo.recording import Attachment, Parameters, Recorded, RecordedRun, RunRecording, topics
 from omniservo.recording.recorded_messages import LogMessage, MatchMessage
@@ -325,6 +326,23 @@ def test_the_recording_of_a_run_that_has_one_is_that_one(recording, tmp_path):
     made = export_run(tmp_path / "r", tmp_path / "out.mcap", DrawnCell)
     assert not made.repeated
     assert (tmp_path / "out.mcap").read_bytes() == recording.read_bytes()
+
+
+def test_a_recording_that_does_not_fit_on_the_disk_leaves_what_was_there(tmp_path):
+    run, out = tmp_path / "r", tmp_path / "out.mcap"
+    run.mkdir()
+    with RunRecording(run / "recording.mcap") as recording:
+        recording.attach("notes", "text/plain", os.urandom(200_000))
+    out.write_bytes(b"of before")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, before[1]))
+    try:
+        with pytest.raises(NotWritten, match=r"out\.mcap"):
+            export_run(run, out, DrawnCell, force=True)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert out.read_bytes() == b"of before"
+    assert sorted(tmp_path.iterdir()) == [out, run]
 
 
 def test_a_run_that_looks_again_and_is_stopped_is_replayed(tmp_path):

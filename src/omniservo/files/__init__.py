@@ -17,7 +17,15 @@ from omniservo.files.documents import (
     stated_units,
 )
 from omniservo.files.python_class import python_class, stdout_to_stderr
-from omniservo.files.results import exists, unused, whole_folder, writable, writable_folder, write_whole
+from omniservo.files.results import (
+    copy_whole,
+    exists,
+    unused,
+    whole_folder,
+    writable,
+    writable_folder,
+    write_whole,
+)
 
 __all__ = [
     "MAX_BYTES",
@@ -25,6 +33,7 @@ __all__ = [
     "MOST_YAML_VALUES",
     "UNITS",
     "as_text",
+    "copy_whole",
     "exists",
     "file_inside",
     "is_file",

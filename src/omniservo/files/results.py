@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import count
 from pathlib import Path
+from typing import BinaryIO
 
 from omniservo.errors import AlreadyExists, InputError, NotWritten, spelled
 
@@ -60,18 +61,35 @@ def write_whole(path: str | Path, content: str | bytes, *, force: bool = False) 
     Raises:
         InputError: the file exists and ``force`` is False, or it cannot be written (`NotWritten`).
     """
+    data = content.encode() if isinstance(content, str) else content
+    with _whole(path, force=force) as stream:
+        stream.write(data)
+
+
+def copy_whole(source: Path, path: str | Path, *, force: bool = False) -> None:
+    """Copy a file, however large, whole or not at all.
+
+    Raises:
+        InputError: as `write_whole`, or the source cannot be read (`NotWritten`).
+    """
+    with _whole(path, force=force) as stream, source.open("rb") as read:
+        shutil.copyfileobj(read, stream)
+
+
+@contextmanager
+def _whole(path: str | Path, *, force: bool) -> Iterator[BinaryIO]:
+    """Give a temporary file that becomes ``path`` if the block ends well, and vanishes otherwise."""
     file = Path(path)
     writable(file, force=force)
     if file.exists() and not file.is_file():
         raise InputError(f"{path}: {'a folder' if file.is_dir() else 'a device or pipe'}; a file is needed")
-    data = content.encode() if isinstance(content, str) else content
     try:
         handle, temporary = tempfile.mkstemp(prefix=f".{file.name}.", dir=file.parent)
     except OSError as error:
         raise NotWritten(path, error.strerror or str(error)) from None
     try:
         with os.fdopen(handle, "wb") as stream:
-            stream.write(data)
+            yield stream
         Path(temporary).chmod(0o644)
         Path(temporary).replace(file)
     except BaseException as error:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import csv
 import io
-import shutil
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from omniservo.errors import InputError, NoSolutionError, NotWritten
+from omniservo.errors import InputError, NoSolutionError
 from omniservo.field_docs import with_field_docs
-from omniservo.files import read_text, writable
+from omniservo.files import copy_whole, read_text, writable
 from omniservo.recording import RecordedRun, RunRecording
 from omniservo.results import RunLog
 from omniservo.runs.comparison import Comparison
@@ -68,10 +67,7 @@ def export_run(
     if own.is_file():
         for _ in RecordedRun(own):  # refuses what is damaged
             pass
-        try:
-            shutil.copyfile(own, out)
-        except OSError as error:
-            raise NotWritten(out, error.strerror or str(error)) from None
+        copy_whole(own, out, force=force)
         return Exported(False, out.stat().st_size)
     inputs = RunInputs.read(run)
     goal = TaughtGoal.load(run / "goal.json")
