@@ -13,6 +13,7 @@ import yaml
 from scipy.spatial.transform import RigidTransform
 
 import omniservo.robots
+import omniservo.runs.open_hardware as open_hardware_module
 from omniservo.calibration.camera_delay import CameraDelay
 from omniservo.cli.main import main
 from omniservo.errors import InputError, NotInControl, ProtectiveStop
@@ -336,6 +337,21 @@ def test_without_a_task_the_files_workspace_counts_too(robot_file, filmed):
             scene = cell.scene
             found = scene.arm.base_T_flange(scene.start_joints) * scene.flange_T_camera
             assert heights(cell._client.options, found) == pytest.approx((0.1, 1.2))
+
+
+def test_an_arm_that_is_moved_while_it_is_connected_to_is_refused(robot_file, filmed, monkeypatch):
+    arm = StandingArm(scene_of_task(TASK).start_joints)
+    open_camera = open_hardware_module.open_robot_camera
+
+    def moved_meanwhile(*arguments):
+        arm.joints = arm.joints + 0.2 * np.eye(6)[5]
+        return open_camera(*arguments)
+
+    monkeypatch.setattr(open_hardware_module, "open_robot_camera", moved_meanwhile)
+    with UrStandIn(arm) as server:
+        path = robot_file(address=server.address, options=_ports(server), workspace=BOX)
+        with pytest.raises(InputError, match=r"wrist_3 was moved by 11\.46 deg"):
+            open_bare(load_robot(path), lambda motion: pytest.fail(motion), SafetyOptions()).close()
 
 
 def test_a_run_uses_what_was_measured(robot_file, filmed):

@@ -31,6 +31,9 @@ PERIODS = 2.0
 PATIENCE = 10.0
 """So long is waited for a first image [s]."""
 
+MOVED = 5e-3
+"""A joint that is farther from where it was read first was moved [rad]."""
+
 
 def open_robot(robot: RobotFile, arm: Arm, driver: str | None = None) -> ArmConnection:
     """Connect to the arm of a robot file, in this process.
@@ -148,7 +151,7 @@ def open_hardware(
         delay: how late its images and motions are, as measured; None: it was not.
 
     Raises:
-        InputError: see `on_robot`, `open_robot`, `open_robot_camera`.
+        InputError: see `on_robot`, `open_robot`, `open_robot_camera`; the arm was moved meanwhile.
         ServoStop: the arm may not be moved: protective stop, or somebody else is in control.
     """
     arm = robot.loaded_arm()
@@ -200,8 +203,21 @@ def _cell(scene: Scene, robot: RobotFile, seats: _Seats, options: SafetyOptions)
             options=options,
             command_life=COMMAND_LIFE + PERIODS / robot.camera.rate,
         )
+        opened.callback(client.close)
+        _refuse_moved(scene, client.read().joint_positions)
         opened.pop_all()
     return HardwareCell(scene, client, camera, seats.approve)
+
+
+def _refuse_moved(scene: Scene, joints: FloatArray) -> None:
+    """Refuse an arm that was moved since its joints were read first: its workspace is stated from there."""
+    off = np.abs(joints - scene.start_joints)
+    worst = int(off.argmax())
+    if off[worst] > MOVED:
+        raise InputError(
+            f"{scene.arm.joint_names[worst]} was moved by {np.rad2deg(off[worst]):.2f} deg while the robot "
+            "was connected to; start again from where the arm now stands"
+        )
 
 
 def _joints(robot: RobotFile, arm: Arm, driver: str | None) -> FloatArray:
