@@ -5,9 +5,11 @@ import pytest
 from tests.runs.changed_task import DrawnCell
 
 from omniservo.runs import run_task
+from omniservo.runs.moves import Moves
+from omniservo.runs.run_task import _truth
 from omniservo.scenes.scene_of_task import scene_of_task
-from omniservo.simulation import World
-from omniservo.tasks import load_task
+from omniservo.simulation import SimulatedCell, World
+from omniservo.tasks import TaughtGoal, load_task
 from omniservo.verification import verify_plan
 
 
@@ -93,3 +95,18 @@ def test_a_panel_pushed_right_before_the_camera_stops_the_arm_before_contact():
     assert metrics["arm_clearance_executed_m"] > 0.0
     assert result.replannings[-1].outcome == "blocked"
     assert len(result.way.legs) == 1
+
+
+def test_a_body_that_is_moved_twice_is_drawn_where_it_came_to_stand():
+    task = load_task("moving-panel")
+    first = task.moves[0]
+    moves = (first.model_copy(update={"time": 2.0, "by": (0.0, 0.0, 0.05)}), first)
+    task = task.model_copy(update={"moves": moves})
+    cell, empty = SimulatedCell(task), np.zeros((0, 2))
+    left = Moves(task, cell.move_obstacles, None)
+    left.at(2.0)
+    stands = task.start.world_T_camera.transform.inv().apply(cell.robot.world.scene.obstacles[0].corners)
+    goal = TaughtGoal(task.camera, np.zeros((1, 1), np.uint8), empty, None)
+    drawn = _truth(task, cell.scene, goal, np.zeros((0, 3))).obstacle_corners
+    np.testing.assert_allclose(drawn[-1], stands, atol=1e-9)
+    np.testing.assert_allclose(drawn[-2], drawn[0] + first.by)

@@ -292,8 +292,11 @@ def _truth(task: Task, scene: Scene, goal: TaughtGoal, points: FloatArray) -> Tr
     if goal.joints is not None:
         initial_T_goal = initial_T_world * scene.world_T_camera(goal.joints)
     corners = [initial_T_world.apply(b.corners) for b in scene.obstacles if hasattr(b, "corners")]
-    for move in task.moves:
-        corners += [corners[i] + move.by for i in move.bodies]
+    places = list(corners)
+    for move in sorted(task.moves, key=lambda move: move.time):
+        for i in move.bodies:
+            places[i] = places[i] + move.by
+            corners.append(places[i])
     return Truth(initial_T_goal.as_matrix(), points, tuple(corners))
 
 
