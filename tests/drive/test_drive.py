@@ -22,7 +22,7 @@ from omniservo.errors import (
     ServoStop,
     StaleImage,
 )
-from omniservo.robots import Arm
+from omniservo.robots import Arm, CameraImage
 from omniservo.safety import SafetyOptions
 
 SIDEWAYS = np.array([0.03, 0.0, 0.0, 0.0, 0.0, 0.0])
@@ -443,6 +443,20 @@ def test_a_drive_that_hangs_gives_no_joints(listening):
     finally:
         os.kill(client.process_id, signal.SIGCONT)
     assert client.read() is not None
+
+
+def test_a_drive_that_hangs_is_a_lost_connection_to_who_only_looks(listening, camera, monkeypatch):
+    client, _ = listening
+    empty = np.zeros((2, 2), dtype=np.uint8)
+    monkeypatch.setattr(camera, "image", lambda: CameraImage(time.monotonic(), empty))
+    os.kill(client.process_id, signal.SIGSTOP)
+    try:
+        with pytest.raises(ConnectionLost, match="hangs"):
+            for _ in range(10_000):
+                client.image()
+    finally:
+        os.kill(client.process_id, signal.SIGCONT)
+    until(lambda before=client.status.time: client.status.time > before)
 
 
 def test_words_that_are_no_unicode_stop_all_the_same(listening):

@@ -358,7 +358,9 @@ class DriveClient:
 
     def _send(self, message: bytes) -> None:
         try:
-            self._line.send(message)
+            self._line.send(message, socket.MSG_DONTWAIT)
+        except BlockingIOError:  # hundreds of messages wait: it would be waited for without end
+            raise ConnectionLost("the drive process hangs: it hears nothing") from None
         except OSError as error:
             raise ConnectionLost(f"the drive process is gone: {error}") from None
 
