@@ -20,7 +20,8 @@ from tests.calibration.hand_eye_scenes import (
 
 from omniservo.calibration.boards import find_board
 from omniservo.calibration.hand_eye import calibrate_hand_eye
-from omniservo.calibration.hand_eye.loop import LoopState, SeenViews, linearise
+from omniservo.calibration.hand_eye.loop import LinearLoop, LoopState, SeenViews, linearise
+from omniservo.calibration.hand_eye.robot_noise import solve_loop
 from omniservo.calibration.hand_eye.start import closed_form
 from omniservo.errors import InputError
 
@@ -278,3 +279,48 @@ def test_few_views_of_a_camera_that_stands_still_are_never_taken_for_one_in_the_
     assert found.status == "poses_inverted"
     assert "flange_T_base" in found.message
     assert calibrate_hand_eye(FISHEYE, drawn.base_T_flange, drawn.pixels, drawn.points).status == "ok"
+
+
+def _tag_views(seed: int) -> DrawnViews:
+    """Eight views of four corners: how far the board is, is known little better than where the robot is."""
+    drawn = draw_views(np.random.default_rng(seed), PINHOLE, 8, px=0.2, position=3e-4, rotation=6e-4)
+    rows = [20, 22, 40, 38]
+    pixels, points = ([all_[rows] for all_ in views] for views in (drawn.pixels, drawn.points))
+    return dataclasses.replace(drawn, pixels=pixels, points=points)
+
+
+@pytest.mark.parametrize("seed", [91, 185])
+def test_a_tag_is_enough_where_the_likelihood_has_a_long_tail_towards_an_exact_robot(seed):
+    found = calibrated(_tag_views(seed))
+    assert found.status == "ok", found.message
+    off = error_of(found.flange_T_camera, FLANGE_T_CAMERA)
+    assert off @ np.linalg.solve(found.covariance, off) < chi2(6).ppf(0.999)
+
+
+def test_the_step_is_the_mean_over_all_sizes_of_the_robots_errors():
+    """Against a plain sum over 60 × 60 of them."""
+    drawn = _tag_views(91)
+    poses = RigidTransform.concatenate(drawn.base_T_flange)
+    views = SeenViews(poses, np.concatenate(drawn.pixels), np.concatenate(drawn.points), 4 * np.arange(9))
+    state = LoopState(FLANGE_T_CAMERA, BASE_T_BOARD, np.zeros((8, 6)))
+    linear = linearise(PINHOLE, views, state, 0.2)
+    found = solve_loop(linear)
+    sizes = np.exp(np.linspace(*np.log([2e-6, 2e-2]), 60))
+    steps, variances, logs = zip(*(_generalised(linear, a, b) for a in sizes for b in sizes), strict=True)
+    weights = np.exp(np.array(logs) - max(logs))
+    weights /= weights.sum()
+    deviations = np.sqrt(np.diag(found.covariance))
+    assert np.abs((weights @ np.array(steps) - found.step) / deviations).max() < 5e-3
+    assert np.abs(np.sqrt(weights @ np.array(variances)) / found.sigmas - 1.0).max() < 1e-2
+
+
+def _generalised(linear: LinearLoop, position: float, rotation: float):
+    """Return the step of generalised least squares, (σ_t², σ_r²) and ln(likelihood · σ_t² σ_r²)."""
+    V = linear.C + np.diag(np.repeat([position**2, rotation**2], 3))
+    MV = np.swapaxes(np.linalg.solve(V, linear.M), 1, 2)
+    normal = (MV @ linear.M).sum(axis=0)
+    step = np.linalg.solve(normal, (MV @ linear.q[:, :, None]).sum(axis=0))[:, 0]
+    left = linear.q - linear.M @ step
+    square = np.einsum("ni,ni->", left, np.linalg.solve(V, left[:, :, None])[:, :, 0])
+    logdets = np.linalg.slogdet(V)[1].sum() + np.linalg.slogdet(normal)[1]
+    return step, (position**2, rotation**2), 2.0 * np.log(position * rotation) - 0.5 * (logdets + square)

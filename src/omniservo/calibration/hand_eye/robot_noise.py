@@ -24,10 +24,10 @@ from omniservo.geometry.arrays import FloatArray
 _RANGE = ((1e-6, 0.3), (1e-6, 0.3))
 """of σ_t [m] and σ_r [rad]"""
 
-_NODES = 10
-"""a side of the grid over ln σ_t and ln σ_r"""
+_NODES = (10, 10, 10, 24)
+"""a side of each grid over ln σ_t and ln σ_r, which is where the one before has weight; the last one shows a
+peak beside a long tail towards 0: on a coarser one the steps jump between two answers without end"""
 
-_ZOOMS = 4
 _COUNTS = 1e-4
 """of the largest weight: what the grid is narrowed to"""
 
@@ -67,13 +67,16 @@ def solve_loop(linear: LinearLoop) -> LoopSolution:
 def _over_robot(linear: LinearLoop, disagreement: FloatArray) -> LoopSolution:
     """Return it without what the camera does to θ, with what it adds (n, 6, 6) to the views' disagreement."""
     ranges = np.log(_RANGE)
-    for _ in range(_ZOOMS):
-        axes = [np.linspace(low, high, _NODES) for low, high in ranges]
+    for nodes in _NODES:
+        axes = [np.linspace(low, high, nodes) for low, high in ranges]
         logs = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
-        steps, covariances, likelihoods = _given(linear, disagreement, np.exp(logs))
+        # a row of the grid at a time: thousands of views would take gigabytes
+        rows = [_given(linear, disagreement, row) for row in np.split(np.exp(logs), nodes)]
+        steps, covariances, likelihoods = (np.concatenate(parts) for parts in zip(*rows, strict=True))
         posterior = likelihoods + 2.0 * logs.sum(axis=1)  # the grid is even in ln σ: dσ² = 2σ² d(ln σ)
         weights = np.exp(posterior - posterior.max())
-        ranges = np.array([_narrowed(axis, w) for axis, w in zip(axes, _margins(weights), strict=True)])
+        margins = _margins(weights, nodes)
+        ranges = np.array([_narrowed(axis, w) for axis, w in zip(axes, margins, strict=True)])
     weights /= weights.sum()
     step = weights @ steps
     covariance = np.einsum("g,gij->ij", weights, covariances)
@@ -124,8 +127,8 @@ def _inverted(normal: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.inv(normal * both) * both)
 
 
-def _margins(weights: FloatArray) -> tuple[FloatArray, FloatArray]:
-    square = weights.reshape(_NODES, _NODES)
+def _margins(weights: FloatArray, nodes: int) -> tuple[FloatArray, FloatArray]:
+    square = weights.reshape(nodes, nodes)
     return square.max(axis=1), square.max(axis=0)
 
 
