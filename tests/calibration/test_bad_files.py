@@ -416,6 +416,12 @@ def test_a_lens_field_that_is_none_or_not_legal_is_refused(tmp_path, lens):
     assert any(word in refusal(tmp_path, json.dumps(fields)) for word in ("omniservo_lens", "deviation_px: "))
 
 
+def test_a_covariance_of_the_unified_cameras_parameters_is_no_other_cameras(tmp_path):
+    fields = json.loads(SAMPLES["OpenCV fisheye, said by distortion_model in JSON"][0])
+    fields["omniservo_lens"] = {"calibration_covariance": np.eye(5).tolist()}
+    assert "omniservo_lens: calibration_covariance given" in refusal(tmp_path, json.dumps(fields))
+
+
 NONSENSE = (
     None,
     True,

@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 
 from omniservo.camera_files.binary_table import camera_rows
 from omniservo.camera_files.document import LENS, FieldPath, parse_fields
+from omniservo.cameras import UnifiedCamera
 from omniservo.cameras.camera_fields import image_size, numbers
 from omniservo.cameras.models.central_model import CentralModel
 from omniservo.errors import InputError, spelled, spelled_name
@@ -207,6 +208,8 @@ class CalibrationFile:
         lens = holder.get(LENS, {}) if isinstance(holder, Mapping) else {}
         if not isinstance(lens, Mapping) or set(lens) - set(LENS_FIELDS):
             raise self.error(f"{spelled(lens)} given; legal fields: {', '.join(LENS_FIELDS)}", *path, LENS)
+        if "calibration_covariance" in lens and make is not UnifiedCamera:
+            raise self.error("calibration_covariance given; legal: of a unified camera only", *path, LENS)
         try:
             return make(**{**parameters, **lens})
         except InputError as error:
