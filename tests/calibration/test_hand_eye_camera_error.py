@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from scipy.stats import chi2
-from tests.calibration.hand_eye_scenes import FISHEYE, FLANGE_T_CAMERA, draw_views, error_of
+from tests.calibration.hand_eye_scenes import FISHEYE, FLANGE_T_CAMERA, PINHOLE, draw_views, error_of
 
 from omniservo.calibration.hand_eye import calibrate_hand_eye
 from omniservo.cameras import ModelError, UnifiedCamera
@@ -51,3 +51,18 @@ def test_each_part_of_a_cameras_error_makes_the_mount_less_certain(name):
         for camera in (FISHEYE, stated)
     ]
     assert np.trace(mounts[1][:3, :3]) > 2.0 * np.trace(mounts[0][:3, :3])
+
+
+@pytest.mark.parametrize("seed", [6, 16])
+def test_where_the_camera_is_off_by_far_more_than_the_robot_views_are_weighed_as_the_covariance_says(seed):
+    """Weighed as if the robot were off by what the camera is, the truth was outside the 99.9% ellipsoid."""
+    covariance = np.diag([16.0, 16.0, 1.0, 1.0, 1e-5])
+    covariance[0, 1] = covariance[1, 0] = 15.0
+    numbers, size = np.array([500.0, 500.0, 319.5, 239.5, 1.0]), (PINHOLE.width, PINHOLE.height)
+    stated = UnifiedCamera(*numbers, *size, calibration_covariance=covariance)
+    rng = np.random.default_rng(seed)
+    true = UnifiedCamera(*(numbers + np.linalg.cholesky(covariance) @ rng.standard_normal(5)), *size)
+    views = draw_views(rng, true, 16, position=1e-5, rotation=2e-5)
+    found = calibrate_hand_eye(stated, views.base_T_flange, views.pixels, views.points)
+    error = error_of(found.flange_T_camera, FLANGE_T_CAMERA)
+    assert error @ np.linalg.solve(found.covariance, error) < chi2.ppf(0.999, 6)

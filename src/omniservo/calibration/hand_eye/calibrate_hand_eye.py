@@ -59,7 +59,8 @@ class _Fit:
         log_scale, sigma = self.log_scale
         if abs(log_scale) <= DISPUTED * sigma:
             return self.solution.covariance
-        return self.solution.covariance + np.outer(self.sized.step[:BOARD_SIZE], self.sized.step[:BOARD_SIZE])
+        off = self.sized.step[:BOARD_SIZE] - self.solution.step
+        return self.solution.covariance + np.outer(off, off)
 
 
 @renamed_arguments(base_T_tool="base_T_flange")
@@ -165,11 +166,14 @@ def _adjusted(
         if linear is None:
             break
         solution = solve_loop(linear)
-        state = state.stepped(solution.step, solution.offsets)
         if np.abs(solution.step / np.sqrt(np.diag(solution.covariance))).max() < _ENOUGH:
+            # what the camera is off by weighs the views otherwise: the last step counts it, as the covariance
             linear = linear.with_camera(camera, seen, state)
-            fit = _Fit(views, state, solve_loop(linear), noise_px, solve_loop(linear.with_scale()))
+            last = solve_loop(linear)
+            state = state.stepped(last.step, last.offsets)
+            fit = _Fit(views, state, last, noise_px, solve_loop(linear.with_scale()))
             return judge_fit(solution.sigmas, fit.covariance) or fit
+        state = state.stepped(solution.step, solution.offsets)
     return Refusal("not_converged", f"no minimum was found in {_STEPS} steps")
 
 
