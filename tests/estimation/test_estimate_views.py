@@ -186,6 +186,22 @@ def test_a_flat_target_of_known_points_needs_no_depth():
     assert walk.worst(found) < 0.02
 
 
+def test_one_residual_alone_does_not_tell_the_noise():
+    outside = []
+    for seed in range(40):
+        walk = Walk(np.random.default_rng(seed), views=2, n=6)
+        found = estimate_views(CAMERA, walk.noise(0.2), scale=KnownPoints(np.arange(6), walk.points))
+        if found.status != "ok":
+            continue
+        assert found.freedom == pytest.approx(5.0)  # the residual's, and four of a usual σ
+        pose, true = found.initial_T_views[1], walk.poses[1]
+        turn = (pose.rotation.inv() * true.rotation).as_rotvec()
+        error = np.concatenate((true.translation - pose.translation, turn))
+        outside.append(error @ np.linalg.solve(found.covariance[1], error) > 22.5)  # χ²₆: one of 1000
+    assert len(outside) > 20
+    assert np.mean(outside) < 0.1
+
+
 def test_a_view_of_something_else_has_no_pose_and_is_named():
     rng = np.random.default_rng(10)
     walk = Walk(rng, views=4, n=20)

@@ -59,7 +59,8 @@ class MultiViewEstimate:
     scale_sigma: float
     """Standard deviation of the scale over the scale, as it was stated."""
     freedom: float
-    """Degrees of freedom of σ; infinite where the noise was stated."""
+    """Degrees of freedom of σ; infinite where the noise was stated. Residuals with two or fewer are blended
+    with 0.5 px, worth four of them."""
     uncertainty: ViewUncertainty | None
     """Joint law of what has a pose or a place, in the structure's unit."""
     sigma_px: float

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from omniservo.estimation.refinement.view_adjustment import ViewProblem
+from omniservo.estimation.robust.pose_search import PRIOR_NOISE_PX, PRIOR_WEIGHT
 from omniservo.estimation.uncertainty.shared_camera_error import LARGEST_EXCESS, LEAST_SHARE
 from omniservo.estimation.uncertainty.two_view_uncertainty import PROBABLE
 from omniservo.estimation.uncertainty.view_uncertainty import ModelErrors, ViewNoise, ViewResponse
@@ -35,7 +36,11 @@ def view_noise(
     shown = math.sqrt(square / max(freedom, 1.0))
     if own is None:
         left = max(square - errors.squares, LEAST_SHARE * square)
-        return ViewNoise(math.sqrt(left / max(freedom, 1.0)), freedom if freedom > 2.0 else math.inf, shown)
+        if freedom <= 2.0:  # they say too little about σ, and are joined with what is usual
+            prior = (PRIOR_NOISE_PX * float(problem.weights.max())) ** 2
+            freedom = PRIOR_WEIGHT + max(freedom, 0.0)
+            return ViewNoise(math.sqrt((PRIOR_WEIGHT * prior + left) / freedom), freedom, shown)
+        return ViewNoise(math.sqrt(left / freedom), freedom, shown)
     variance = float(np.mean(np.square(own)))
     expected = variance * freedom + errors.squares
     if len(errors.common):
