@@ -186,6 +186,13 @@ def test_a_flat_target_of_known_points_needs_no_depth():
     assert walk.worst(found) < 0.02
 
 
+def test_views_of_which_much_noise_is_stated_have_poses():
+    walk = Walk(np.random.default_rng(3), views=4, n=30)
+    found = estimate_views(CAMERA, walk.noise(3.0), noise=3.0)
+    assert found.view_status == ("ok",) * 4, found.message
+    assert found.inliers.mean() > 0.9
+
+
 def test_one_residual_alone_does_not_tell_the_noise():
     outside = []
     for seed in range(40):

@@ -15,7 +15,7 @@ from omniservo.estimation.estimate_pose import estimate_pose
 from omniservo.estimation.estimate_two_view import estimate_two_view
 from omniservo.estimation.known_displacements import DisplacementPrior
 from omniservo.estimation.minimal_solvers.triangulation import triangulate_views
-from omniservo.estimation.robust.pose_search import write_pose_residuals
+from omniservo.estimation.robust.pose_search import PRIOR_NOISE_PX, write_pose_residuals
 from omniservo.estimation.two_view_estimate import Status, TwoViewEstimate
 from omniservo.estimation.view_points import CheckedPoints
 from omniservo.estimation.view_scale import GaugeLength
@@ -29,6 +29,9 @@ LEAST_THRESHOLD_PX = 1.0
 
 MOST_PAIRS = 15
 TRIED_PAIRS = 3
+POINTS_NOISE = 2.0
+"""by which residuals of points that are not adjusted yet exceed the noise of their pixels"""
+
 LEAST_POINTS = 4
 """of which a view's pose is found"""
 
@@ -111,8 +114,12 @@ class PlacedViews:
 
     def place(self, view: int, points: FloatArray, rows: npt.NDArray[Any]) -> str:
         """Give a view the pose that these points have in it; return why not, or nothing."""
-        # The points err more than the pixels, so the noise that is stated is not that of these residuals.
-        found = estimate_pose(self.camera, points, self.pixels[view, rows])
+        # The points err more than the pixels, so the noise that is stated is not that of these residuals; but
+        # where it is more than is usual, they would be taken for wrong without it.
+        noise = None if self.given.noise is None else self.given.noise[view, rows]
+        if noise is not None:
+            noise = POINTS_NOISE * noise if float(np.median(noise)) > PRIOR_NOISE_PX else None
+        found = estimate_pose(self.camera, points, self.pixels[view, rows], noise=noise)
         if found.status != "ok":
             return found.message
         self.poses[view] = found.minima[0]
