@@ -193,6 +193,14 @@ def test_views_of_which_much_noise_is_stated_have_poses():
     assert found.inliers.mean() > 0.9
 
 
+def test_noise_that_is_not_stated_is_found_where_it_is_more_than_usual():
+    walk = Walk(np.random.default_rng(3), views=4, n=30)
+    found = estimate_views(CAMERA, walk.noise(2.0))
+    assert found.view_status == ("ok",) * 4, found.message
+    assert found.inliers.mean() > 0.98
+    assert found.noise_px == pytest.approx(2.0, rel=0.15)
+
+
 def test_one_residual_alone_does_not_tell_the_noise():
     outside = []
     for seed in range(40):

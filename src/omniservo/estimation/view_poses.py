@@ -60,6 +60,8 @@ class PlacedViews:
     """(v, n) which pixels agree with the points"""
     failed: dict[int, str] = field(default_factory=dict)
     """why views have no pose"""
+    shown_px: float = 0.0
+    """σ that the residuals of pairs of views show, where none is stated [px]"""
 
     @classmethod
     def of(cls, camera: UnifiedCamera, given: CheckedPoints, room_px: float) -> PlacedViews:
@@ -98,7 +100,7 @@ class PlacedViews:
         self.points[lost] = points[lost]
 
     def _triangulate(self, points: FloatArray, agree: BoolArray) -> None:
-        sigma, threshold = self.noise(self.room_px), THRESHOLD_PX
+        sigma, threshold = self.noise(self.room_px), max(THRESHOLD_PX, 6.0 * self.shown_px)
         if sigma is not None and self.seen.any():
             threshold = max(LEAST_THRESHOLD_PX, 6.0 * float(np.quantile(sigma[self.seen], 0.9)))
         triangulate_views(
@@ -114,12 +116,14 @@ class PlacedViews:
 
     def place(self, view: int, points: FloatArray, rows: npt.NDArray[Any]) -> str:
         """Give a view the pose that these points have in it; return why not, or nothing."""
-        # The points err more than the pixels, so the noise that is stated is not that of these residuals; but
+        # The points err more than the pixels, so the noise of pixels is not that of these residuals; but
         # where it is more than is usual, they would be taken for wrong without it.
-        noise = None if self.given.noise is None else self.given.noise[view, rows]
-        if noise is not None:
-            noise = POINTS_NOISE * noise if float(np.median(noise)) > PRIOR_NOISE_PX else None
-        found = estimate_pose(self.camera, points, self.pixels[view, rows], noise=noise)
+        stated = self.given.noise
+        noise = np.full(len(points), self.shown_px) if stated is None else stated[view, rows]
+        found = estimate_pose(
+            self.camera, points, self.pixels[view, rows],
+            noise=POINTS_NOISE * noise if float(np.median(noise)) > PRIOR_NOISE_PX else None,
+        )  # fmt: skip
         if found.status != "ok":
             return found.message
         self.poses[view] = found.minima[0]
@@ -198,6 +202,7 @@ def motions_of_pairs(
     pairs, noise = pairs[:MOST_PAIRS], views.noise(room_px)
     motions: list[tuple[float, int, int, RigidTransform]] = []
     refused: list[tuple[Status, str]] = []
+    shown: list[float] = []
     for a, b in pairs:
         both = views.seen[a] & views.seen[b]
         sigma = None if noise is None else np.stack((noise[a, both], noise[b, both]), axis=1)
@@ -207,8 +212,10 @@ def motions_of_pairs(
         )
         if found.initial_T_goal is not None:
             motions.append((_information(found), a, b, found.initial_T_goal))
+            shown.append(found.noise_px)
         else:
             refused.append((found.status, f"views {a} and {b}: {found.message}"))
+    views.shown_px = float(np.median(shown)) if shown and noise is None else 0.0
     flat = [(status, words) for status, words in refused if status == "planar_points"]
     if 2 * len(flat) > len(pairs):  # of many pairs, chance lets one pass for more than a plane
         return *flat[0], []
