@@ -267,3 +267,12 @@ def test_the_same_input_gives_the_same_answer():
     one, other = (estimate_pose(PERSPECTIVE, points, pixels) for _ in range(2))
     np.testing.assert_array_equal(one.covariance, other.covariance)
     np.testing.assert_array_equal(one.inliers, other.inliers)
+
+
+@pytest.mark.parametrize("n", [13, 30])
+def test_noise_that_is_not_stated_is_found_where_it_is_more_than_usual(n):
+    rng = np.random.default_rng(21)
+    found = [estimate_pose(PERSPECTIVE, *picture(rng, PERSPECTIVE, n, noise=2.0)[:2]) for _ in range(10)]
+    assert [pose.status for pose in found] == ["ok"] * 10
+    assert np.mean([pose.inliers.mean() for pose in found]) > 0.98
+    assert np.mean([pose.noise_px for pose in found]) == pytest.approx(2.0, rel=0.1)

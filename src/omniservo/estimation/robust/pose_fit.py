@@ -14,6 +14,7 @@ from omniservo.estimation.refinement.pose_minima import (
     pose_minima,
     principal_axes,
 )
+from omniservo.estimation.refinement.pose_refinement import minimise_pose
 from omniservo.estimation.robust.pose_search import (
     GATE,
     choose_members,
@@ -81,6 +82,31 @@ class PoseFit:
         return self.minima[:, COST]
 
 
+def _all_are_noisy(known: KnownPixels, members: BoolArray, q: FloatArray, t: FloatArray) -> bool:
+    """Tell whether more noise of all points explains them better than members and points that lie anywhere.
+
+    A pose of few that chance has brought near their pixels leaves out the others, and says too little noise.
+    """
+    n, k = len(members), int(members.sum())
+    rows = (known.parameters, known.points, known.pixels)
+    q_all, t_all, cost, ok = minimise_pose(*rows, known.weights, math.inf, q, t)
+    if not ok:
+        return False
+    sigma, farthest = noise_of_all(*rows, known.weights, 0.0, q_all, t_all)
+    if farthest > GATE * sigma:
+        return False
+    weights = np.where(members, known.weights, 0.0)
+    _, _, own, ok = minimise_pose(*rows, weights, math.inf, q, t)
+    if not ok or k <= LEAST_POINTS:
+        return ok
+    area = float(np.prod(np.maximum(np.ptp(known.pixels, axis=0), 1.0)))
+    one, other = (
+        math.log(2.0 * math.pi * math.e * max(square, 1e-12) / (2 * m - 6))
+        for square, m in ((cost, n), (own, k))
+    )
+    return n * one < k * other + (n - k) * math.log(area)
+
+
 def fit_pose(known: KnownPixels, robust: bool) -> PoseFit:
     """Return the fit to all points or, robust, to those that agree."""
     n, noise = len(known.points), known.noise_px or 0.0
@@ -101,6 +127,8 @@ def fit_pose(known: KnownPixels, robust: bool) -> PoseFit:
         count = choose_members(*rows, weights, noise, q, t, members)
         if CHECKED_POINTS <= count <= FEW_POINTS:
             count = grow_members(*rows, weights, noise, q, t, members)
+        if FEW_POINTS < n > count and known.noise_px is None and _all_are_noisy(known, members, q, t):
+            members[:], count = True, n
         if count < CHECKED_POINTS:
             return PoseFit(members, minima[:0], False)
         weights = np.where(members, weights, 0.0)
