@@ -269,7 +269,7 @@ def test_the_same_input_gives_the_same_answer():
     np.testing.assert_array_equal(one.inliers, other.inliers)
 
 
-@pytest.mark.parametrize("n", [13, 30])
+@pytest.mark.parametrize("n", [10, 13, 30])
 def test_noise_that_is_not_stated_is_found_where_it_is_more_than_usual(n):
     rng = np.random.default_rng(21)
     found = [estimate_pose(PERSPECTIVE, *picture(rng, PERSPECTIVE, n, noise=2.0)[:2]) for _ in range(10)]

@@ -32,6 +32,9 @@ CHECKED_POINTS = 4
 FEW_POINTS = 12
 """Up to here all points are first fitted together, and sampled only if they do not agree."""
 
+TELLING_POINTS = 8
+"""From here on residuals tell noise of all points from wrong ones among them."""
+
 UNSUSPICIOUS_NOISE_PX = 1.0
 """Few points can hide a wrong one in a bad pose; more noise than this makes them suspicious."""
 
@@ -127,7 +130,7 @@ def fit_pose(known: KnownPixels, robust: bool) -> PoseFit:
         count = choose_members(*rows, weights, noise, q, t, members)
         if CHECKED_POINTS <= count <= FEW_POINTS:
             count = grow_members(*rows, weights, noise, q, t, members)
-        if FEW_POINTS < n > count and known.noise_px is None and _all_are_noisy(known, members, q, t):
+        if TELLING_POINTS <= n > count and known.noise_px is None and _all_are_noisy(known, members, q, t):
             members[:], count = True, n
         if count < CHECKED_POINTS:
             return PoseFit(members, minima[:0], False)
