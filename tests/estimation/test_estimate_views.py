@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from omniservo import KnownPoints, UnifiedCamera, ViewDistance, estimate_two_view, estimate_views
+from omniservo import KnownPoints, UnifiedCamera, ViewDistance, estimate_two_view, estimate_views, preset
 from omniservo.errors import InputError
 
 CAMERA = UnifiedCamera(296.9365, 298.4197, 316.8076, 254.9012, 1.2910, 659, 432)
@@ -238,6 +238,21 @@ def test_pictures_from_one_place_are_named():
     assert all(pose is None for pose in found.initial_T_views)
     assert np.isnan(found.points).all()
     assert found.two_view().status == found.status
+
+
+def test_views_that_six_wrong_pixels_spoil_are_refused_without_a_warning():
+    rng, camera, n = np.random.default_rng(3), preset("fe185"), 25
+    points = rng.uniform([-0.4, -0.4, 0.4], [0.4, 0.4, 1.0], (n, 3))
+    steps = [(rng.uniform(-0.15, 0.15, 3), rng.uniform(-0.2, 0.2, 3)) for _ in range(3)]
+    poses = [RigidTransform.from_components(t, Rotation.from_rotvec(turn)) for t, turn in steps]
+    seen = [points, *(pose.inv().apply(points) for pose in poses)]
+    pixels = np.array([camera.project(c)[0] for c in seen]) + 0.2 * rng.normal(size=(4, n, 2))
+    pixels[3, :6] = pixels[3][np.random.default_rng(15).permutation(n)[:6]]
+    visible = np.ones((4, n), dtype=np.bool_)
+    visible[3, 6:] = False
+    length = float(np.linalg.norm(poses[0].translation))
+    found = estimate_views(camera, pixels, visible=visible, scale=length, noise=0.2)
+    assert found.status == "not_converged" or found.initial_T_views[3] is None
 
 
 def test_the_uncertain_length_moves_everything_together():

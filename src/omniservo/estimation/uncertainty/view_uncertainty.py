@@ -73,6 +73,8 @@ class ViewResponse:
             # Any weight along the scale will do: what it adds is taken away again with the gauge.
             extra, _ = extra_information(problem, state, held, float(np.trace(blocks.common)))
             matrix = of_pixels + extra
+            if not np.diag(matrix).min() > 0.0:
+                return None
             unit = 1.0 / np.sqrt(np.diag(matrix))
             spread = unit[:, None] * np.linalg.inv(unit[:, None] * (matrix + matrix.T) / 2.0 * unit) * unit
         except np.linalg.LinAlgError:
