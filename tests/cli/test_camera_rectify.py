@@ -102,13 +102,6 @@ def test_wrong_options_are_one_message(picture, tmp_path, capsys, options, named
     assert not out.exists()
 
 
-def test_an_image_of_another_camera_is_refused(picture, tmp_path, capsys):
-    with pytest.raises(SystemExit) as end:
-        main(["camera", "rectify", "perspective", str(picture), str(tmp_path / "view.png")])
-    assert end.value.code == 2
-    assert "image: shape (432, 659, 3) given" in capsys.readouterr().err
-
-
 def test_show_draws_the_field(tmp_path, capsys):
     folder = tmp_path / "field"
     done(["camera", "show", "fe185", "--out", str(folder)])

@@ -51,10 +51,15 @@ def test_a_recording_that_grows_is_shown_as_it_does(recording, page, tmp_path):
     whole = recording.read_bytes()
     growing = tmp_path / "result.unfinished.mcap"
     growing.write_bytes(whole[: len(whole) // 2])
+    viewed = open_viewed(tmp_path / "result")
     number = page.answer.number
-    page.open(open_viewed(tmp_path / "result"))
+    page.open(viewed)
     page.wait_for(lambda answer: answer.number > number, PATIENCE)
     arm_is_followed(page)
+    nodes, number = page.nodes, page.answer.number
+    page.open(viewed)  # as its plan is, when that comes while the arm is followed
+    page.wait_for(lambda answer: answer.number > number and page.nodes is not nodes, PATIENCE)
+    assert page.playback.moment is not None
     assert "nothing is sent" in page.shown.job.content
     assert page.playback.moment.image is not None
     assert 0.0 <= page.playback.moment.time < 5.0

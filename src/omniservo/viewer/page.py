@@ -152,9 +152,12 @@ class Page:
         """Have another task, plan or problem in the place of what is shown."""
 
         def take_it() -> None:
-            if self._watched is not None and viewed.watched is not self._watched:
+            goes_on = viewed.watched is not None and viewed.watched is self._watched
+            if self._watched is not None and not goes_on:
                 self._watched.close()
             with self.playback.moving:
+                if not goes_on:
+                    self.playback.follow(None)
                 self.server.scene.reset()
                 self._take(viewed)
             self._watch_run()

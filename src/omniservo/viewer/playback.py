@@ -95,8 +95,8 @@ class Playback:
             thread.close()
 
     def take(self, nodes: SceneNodes, run: ExecutedRun | None) -> None:
-        """Show in another scene, of which no servo goes on."""
-        self._nodes, self.moment = nodes, None
+        """Show in another scene."""
+        self._nodes = nodes
         self.take_run(run)
 
     def take_run(self, run: ExecutedRun | None) -> None:

@@ -39,8 +39,11 @@ class RunOnPage:
         self._page.open(self._planned)
 
     def moved(self, moment: Moment) -> None:
-        """Show the arm as it is now."""
-        self._page.playback.follow(moment)
+        """Show the arm as it is now, unless something else was opened meanwhile."""
+        with self._page.playback.moving:
+            if self._watched.is_closed:
+                return
+            self._page.playback.follow(moment)
         self.said(f"{moment.time:.1f} s: {moment.words}")
 
     def said(self, words: str) -> None:

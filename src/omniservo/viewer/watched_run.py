@@ -87,6 +87,11 @@ class WatchedRun:
             except InputError as error:
                 raise InputError(f"{path}: {str(error).replace(f'{folder}/', '')}") from None
 
+    @property
+    def is_closed(self) -> bool:
+        """Whether `watch` ends."""
+        return self._closed.is_set()
+
     def close(self) -> None:
         """End `watch`."""
         self._closed.set()
