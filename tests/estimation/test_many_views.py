@@ -242,6 +242,21 @@ def test_pixels_with_larger_stated_noise_count_less():
     assert np.median(errors[True]) < 0.5 * np.median(errors[False])
 
 
+def test_wrong_pixels_that_are_near_at_first_are_left_out_before_the_noise_is_judged():
+    """Off by eighteen times what is stated, which is less than the pixel within which points are placed."""
+    rng = np.random.default_rng(23)
+    scene = view_scene(rng, CAMERA, 3, 60)
+    pixels, wrong = noisy(rng, scene, 0.05), rng.random((3, 60)) < 0.15
+    angle = rng.uniform(0.0, 2.0 * np.pi, wrong.sum())
+    pixels[wrong] += 0.9 * np.column_stack((np.cos(angle), np.sin(angle)))
+    noise = np.full((3, 60), 0.05)
+    length = float(np.linalg.norm(scene.poses[1].translation))
+    found = estimate_views(CAMERA, pixels, noise=noise, scale=length)
+    assert found.status == "ok", found.message
+    assert found.noise_px < 0.1
+    assert worst(found, scene) < 1e-3
+
+
 def test_points_measured_in_overlapping_windows_make_an_estimate_less_sure():
     rng = np.random.default_rng(13)
     scene = view_scene(rng, CAMERA, 4, 80)

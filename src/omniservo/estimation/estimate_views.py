@@ -225,23 +225,28 @@ class _Adjustment:
                 views.regain()
             residuals = self._residuals()
             distance = np.linalg.norm(residuals, axis=2)
-            noise = self._noise(distance / self.sigma, usable)
-            if stated is None and noise > largest_noise(None):
-                return f"the best structure leaves {noise:.2g} px of noise: the pixels do not agree"
-            if stated is not None and noise > largest_noise(1.0):
-                px = noise * float(np.median(stated[usable]))
-                return f"the best structure leaves {px:.2g} px of noise: the pixels do not agree"
             gate = GATE * self._gate_noise((distance / self.sigma)[usable], usable)
             near = views.seen & views.placed[:, None] & (distance <= gate * self.sigma)
+            if words := self._too_noisy(distance, usable & near if self.robust else usable):
+                return words
             settled = not self.robust or (near == usable).all()
             settled &= self._linearise_camera() < SETTLED_PX
             if stated is None and not relative:
-                settled &= self._reweighted(noise)
+                settled &= self._reweighted(self._noise(distance / self.sigma, usable))
             if settled:
                 break
             usable = near if self.robust else usable
         views.points[~views.agree.any(axis=0)] = math.nan
         return ""
+
+    def _too_noisy(self, distance: FloatArray, kept: BoolArray) -> str:
+        """Return that the pixels that are kept leave more noise than can be; what is left out is no noise."""
+        stated = self.views.noise()
+        noise = self._noise(distance / self.sigma, kept)
+        if noise <= largest_noise(None if stated is None else 1.0):
+            return ""
+        px = noise if stated is None else noise * float(np.median(stated[kept]))
+        return f"the best structure leaves {px:.2g} px of noise: the pixels do not agree"
 
     def _reweighted(self, ratio: float) -> bool:
         """Take σ from residuals that are ``ratio`` of what it was; tell whether it stays."""
