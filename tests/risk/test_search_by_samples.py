@@ -138,7 +138,7 @@ def test_samples_of_too_few_motions_show_no_risk_however_few_miss(paper, monkeyp
     found = plan_with_risk(paper(1), estimate, risk=0.01)
     assert not found.ok
     assert found.predicted < 0.005
-    assert "say no more than 100 independent ones" in found.plan.reason
+    assert "an effective sample size of 100" in found.plan.reason
 
 
 def test_after_a_verdict_against_it_a_plan_begins_with_the_margins_it_had(paper, monkeypatch):

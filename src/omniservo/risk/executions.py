@@ -39,7 +39,7 @@ class Executions:
     camera: FloatArray
     """(K, p) parameters' deviations; p = 0 where the camera is exact"""
     repeats: float = 1.0
-    """K/repeats independent samples say as much, see `EstimateSamples`"""
+    """K/repeats is the effective sample size, see `EstimateSamples`"""
 
     @classmethod
     def of(

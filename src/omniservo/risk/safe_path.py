@@ -77,7 +77,7 @@ def upper_bound(violations: int, samples: int, repeats: float = 1.0) -> float:
     """Return the probability that so many violations in so many samples leave possible (Clopper-Pearson).
 
     With `EACH`, so that all verdicts on the same samples together have `CONFIDENCE`. Of samples that repeat
-    motions (`EstimateSamples.repeats`) the same share of as many as say as much.
+    motions (`EstimateSamples.repeats`) the same share of the effective sample size.
     """
     if violations >= samples:
         return 1.0

@@ -66,8 +66,8 @@ class RiskSamples:
         if allowed_violations(self.risk, count, repeats) >= 0:
             return ""
         return (
-            f"the estimate's {count} samples repeat few motions and say no more than {count / repeats:.0f} "
-            f"independent ones, which cannot show a risk of {self.risk:g}"
+            f"the estimate's {count} samples repeat few motions: an effective sample size of "
+            f"{count / repeats:.0f}, which cannot show a risk of {self.risk:g}"
         )
 
     @property

@@ -18,6 +18,7 @@ from omniservo.hardware.camera_sources import open_camera
 from omniservo.hardware.shifted_camera import ShiftedCamera
 from omniservo.robots import Arm, CameraSource, next_image
 from omniservo.runs.hardware_cell import HardwareCell
+from omniservo.runs.moved_joint import moved_joint
 from omniservo.runs.on_robot import on_robot
 from omniservo.runs.robot_records import StoredDelay
 from omniservo.runs.safety_of_task import safety_of_task
@@ -30,9 +31,6 @@ PERIODS = 2.0
 
 PATIENCE = 10.0
 """So long is waited for a first image [s]."""
-
-MOVED = 5e-3
-"""A joint that is farther from where it was read first was moved [rad]."""
 
 
 def open_robot(robot: RobotFile, arm: Arm, driver: str | None = None) -> ArmConnection:
@@ -204,20 +202,13 @@ def _cell(scene: Scene, robot: RobotFile, seats: _Seats, options: SafetyOptions)
             command_life=COMMAND_LIFE + PERIODS / robot.camera.rate,
         )
         opened.callback(client.close)
-        _refuse_moved(scene, client.read().joint_positions)
+        # the workspace is stated from where the joints were read first
+        if words := moved_joint(scene, client.read().joint_positions):
+            raise InputError(
+                f"{words} while the robot was connected to; start again from where the arm now stands"
+            )
         opened.pop_all()
     return HardwareCell(scene, client, camera, seats.approve)
-
-
-def _refuse_moved(scene: Scene, joints: FloatArray) -> None:
-    """Refuse an arm that was moved since its joints were read first: its workspace is stated from there."""
-    off = np.abs(joints - scene.start_joints)
-    worst = int(off.argmax())
-    if off[worst] > MOVED:
-        raise InputError(
-            f"{scene.arm.joint_names[worst]} was moved by {np.rad2deg(off[worst]):.2f} deg while the robot "
-            "was connected to; start again from where the arm now stands"
-        )
 
 
 def _joints(robot: RobotFile, arm: Arm, driver: str | None) -> FloatArray:

@@ -29,6 +29,7 @@ from omniservo.runs.job_recording import JobRecording
 from omniservo.runs.look_again import LookingPlanner
 from omniservo.runs.looking import looking
 from omniservo.runs.motion_metrics import motion_metrics
+from omniservo.runs.moved_joint import moved_joint
 from omniservo.runs.moves import Moves
 from omniservo.runs.planned_job import first_job, planned_job
 from omniservo.runs.recorded_cell import RecordedCell
@@ -50,9 +51,6 @@ from omniservo.tracking.planned_motion import PlannedMotion
 
 LAST_IMAGE = 5.0
 """After the end an image is waited for so long [s]."""
-
-MOVED = 5e-3
-"""A joint that is farther from where the plan begins was moved [rad]."""
 
 
 def run_task(
@@ -180,13 +178,10 @@ def _in_words(plan: Plan | None, motion: PlannedMotion | None) -> str:
 
 def _refuse_moved(cell: RobotCell, scene: Scene) -> None:
     """Refuse where the arm is not where the plan begins: somebody moved it while the plan was approved."""
-    joints, arm = cell.driver.read().joint_positions, scene.arm
-    off = np.abs(joints - scene.start_joints)
-    worst = int(off.argmax())
-    if off[worst] > MOVED:
+    if words := moved_joint(scene, cell.driver.read().joint_positions):
         raise NoSolutionError(
-            f"{arm.joint_names[worst]} was moved by {np.rad2deg(off[worst]):.2f} deg since the initial "
-            "image; nothing was commanded: start again from where the arm now stands"
+            f"{words} since the initial image; nothing was commanded: start again from where the arm now"
+            " stands"
         )
 
 

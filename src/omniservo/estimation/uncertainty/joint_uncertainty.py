@@ -168,5 +168,5 @@ class EstimateSamples:
     camera: FloatArray
     """(count, p) by how much the camera's parameters differ from the stated ones, p = 0, 5 or 9"""
     repeats: float = 1.0
-    """how often the motion of a sample is among them, on average: so many times fewer that are independent
-    say as much. Above 1 where motions are likely that the normal law rarely proposes"""
+    """how often the motion of a sample is among them, on average; count/repeats is the effective sample size.
+    Above 1 where motions are likely that the normal law rarely proposes"""

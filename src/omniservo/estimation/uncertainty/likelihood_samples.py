@@ -73,8 +73,8 @@ def likelihood_samples(
     towards = direction + across / length
     towards /= np.linalg.norm(towards, axis=1, keepdims=True)
     turns = rotation @ Rotation.from_rotvec(proposed[:, 3:]).as_matrix()
-    dearer = _dearer(matches, (turns, towards), (rotation, direction))
-    gains = 0.5 * (squares - dearer / sigma**2) / factors**2
+    excess = _excess_costs(matches, (turns, towards), (rotation, direction))
+    gains = 0.5 * (squares - excess / sigma**2) / factors**2
     chosen = _resampled(rng, gains, count)
     repeats, more = repeats_of(chosen), min(MORE, MOST // count)
     if repeats > REPEATED and proposals == PROPOSALS < more:
@@ -95,7 +95,7 @@ def likelihood_samples(
     return np.concatenate((shifts, proposed[chosen, 3:], moved.reshape(count, -1)), axis=1), repeats
 
 
-def _dearer(
+def _excess_costs(
     matches: Matches, motions: tuple[FloatArray, FloatArray], optimum: tuple[FloatArray, FloatArray]
 ) -> FloatArray:
     """Return S − S₀ (k,) [px²] of motions, rotations (k, 3, 3) and directions (k, 3)."""
@@ -109,7 +109,7 @@ def _dearer(
 def repeats_of(chosen: IntArray) -> float:
     """Return how often the choice of one of the K samples is among them, on average, Σc²/K.
 
-    A mean over the K varies as one over K/repeats independent ones does.
+    K/repeats is the effective sample size (Kish): a mean varies as one over so many independent samples.
     """
     _, times = np.unique(chosen, return_counts=True)
     return float((times**2).sum() / len(chosen))
