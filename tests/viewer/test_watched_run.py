@@ -17,6 +17,7 @@ from omniservo.tasks import load_task
 from omniservo.viewer.camera_view import with_trajectories
 from omniservo.viewer.moment import Moment
 from omniservo.viewer.open_viewed import open_viewed
+from omniservo.viewer.run_on_page import RunOnPage
 from omniservo.viewer.situation import with_xi
 from omniservo.viewer.watched_run import recording_of
 
@@ -56,6 +57,7 @@ def test_a_recording_that_grows_is_shown_as_it_does(recording, page, tmp_path):
     page.open(viewed)
     page.wait_for(lambda answer: answer.number > number, PATIENCE)
     arm_is_followed(page)
+    words_hold(page, "nothing new for")  # all that is there was read
     nodes, number = page.nodes, page.answer.number
     page.open(viewed)  # as its plan is, when that comes while the arm is followed
     page.wait_for(lambda answer: answer.number > number and page.nodes is not nodes, PATIENCE)
@@ -99,7 +101,10 @@ def test_a_run_that_is_watched_ends_with_what_is_opened_in_its_place(recording, 
     page.open(open_viewed("whole-arm-1"))
     settled(page, number)
     assert page.playback.moment is None
-    assert page._watched._closed.is_set()
+    assert page._watched.is_closed
+    late = Moment(0.0, page.answer.joints(0.0), "", 0.5, None)
+    RunOnPage(page, page._watched).moved(late)  # as it was being told when the other was opened
+    assert page.playback.moment is None
 
 
 def test_a_file_that_is_no_recording_is_refused_by_name(tmp_path):
