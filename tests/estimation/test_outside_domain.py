@@ -87,6 +87,20 @@ def test_several_views_leave_it_out_too():
     assert found.status == "ok"
 
 
+def test_the_noise_of_the_few_that_are_left_is_assumed_as_of_so_few():
+    """Of five left no residual told it (a ZeroDivisionError), of seven two: an answer that was too sure."""
+    for out, seed in ((2, 1), (4, 21)):
+        rng = np.random.default_rng(seed)
+        points = rng.uniform([-1.0, -1.0, 1.0], [1.0, 1.0, 3.0], (9, 3))
+        initial, goal = (CAMERA.project(p)[0] for p in (points, points - [0.4, 0.1, 0.2]))
+        initial += 0.05 * rng.normal(size=initial.shape)
+        alone = estimate_two_view(CAMERA, initial[out:], goal[out:])
+        initial[:out] = FAR
+        found = estimate_two_view(CAMERA, initial, goal)
+        assert found.status == alone.status == "ok"
+        np.testing.assert_array_equal(found.covariance, alone.covariance)
+
+
 def test_most_outside_or_no_leaving_out_is_an_error_that_names_the_first():
     points, initial, goal = scene()
     goal[7] = FAR

@@ -157,8 +157,12 @@ def _estimate_inside(
     if lost is not None:
         words = f"point {lost}, which the scale refers to, is outside the camera's domain"
         return TwoViewEstimate.without_pose(len(pixels), "not_converged", words, started)
-    part = _estimate(image, pixels[inside], method, robust, request.where(inside), started)
-    return among_all(part, inside)
+    chosen, left = pixels[inside], request.where(inside)
+    if left.noise is None:  # so few may be left that they do not tell it
+        left = left._replace(
+            noise=checked_noise(None, checked_pixels(image, chosen[:, :2], chosen[:, 2:])[1])
+        )
+    return among_all(_estimate(image, chosen, method, robust, left, started), inside)
 
 
 def _estimate(
