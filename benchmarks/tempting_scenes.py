@@ -160,7 +160,7 @@ def is_sure_and_wrong(found: TwoViewEstimate, truth: RigidTransform) -> bool:
     error = maps @ np.concatenate((pose.translation - direction, turn))
     law = found.uncertainty
     assert law is not None
-    most = 5.0 * float(fisher.isf(BEYOND, 5, law.freedom))
+    most = 5.0 * float(fisher.isf(BEYOND, 5, min(law.freedom, 1e9)))  # infinite: χ²
     return bool(error @ np.linalg.solve(maps @ found.covariance @ maps.T, error) > most)
 
 

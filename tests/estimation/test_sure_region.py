@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from benchmarks.tempting_scenes import answered, is_sure_and_wrong
+from scipy.spatial.transform import Rotation
 
 from omniservo.cameras import preset
 from omniservo.estimation import estimate_two_view
@@ -36,6 +37,19 @@ def test_many_exact_points_leave_the_law_as_it_was(make_scene):
     pixels = scene.noisy(np.random.default_rng(4), 0.02)
     found = estimate_two_view(scene.camera, *pixels, noise=0.02)
     assert len(found.uncertainty.noise) == 5  # ‖t‖ is held: five directions, and none that stretches
+
+
+@pytest.mark.parametrize(("n", "k"), [(6, 497), (6, 848), (8, 137), (9, 720)])
+def test_few_points_of_little_relief_hold_what_is_likely_about_another_minimum(n, k, make_view, fisheye):
+    """It was stretched to the other minimum alone: the truth near that one lay beyond 5 σ, by 3° and more."""
+    rng = np.random.default_rng([k, n])
+    points = np.array([0.0, 0.0, 0.5]) + rng.uniform(-1, 1, (n, 3)) * (0.25, 0.25, 0.05)
+    way = rng.normal(size=3)
+    turn = Rotation.from_rotvec(rng.uniform(-0.5, 0.5, 3))
+    scene = make_view(fisheye, points, turn, 0.3 * way / np.linalg.norm(way))
+    found = estimate_two_view(scene.camera, *scene.noisy(rng, 0.5), noise=0.5)
+    assert found.status == "ok"
+    assert not is_sure_and_wrong(found, scene.initial_T_goal)
 
 
 def test_the_tips_of_a_doubt_lie_on_its_ellipsoid():

@@ -19,9 +19,10 @@ from scipy.spatial.transform import Rotation
 from scipy.special import chdtri, fdtri
 
 from omniservo.estimation.matches import Matches
+from omniservo.estimation.refinement.epipolar_refinement import essential_matrix, sampson_cost
 from omniservo.estimation.refinement.motion_search import Minimum
 from omniservo.estimation.robust.two_view_fit import EIGHT_POINTS, TwoViewFit
-from omniservo.estimation.uncertainty.first_order import linear_response
+from omniservo.estimation.uncertainty.first_order import determines_motion, linear_response
 from omniservo.estimation.uncertainty.likelihood_region import LEVEL, Stretches, motion_offsets, stretches
 from omniservo.geometry.arrays import FloatArray
 
@@ -56,7 +57,11 @@ class Doubt(NamedTuple):
     @classmethod
     def of(cls, matches: Matches, fit: TwoViewFit) -> Doubt:
         """Return the doubt that a fit to a part of the matches raises."""
-        members, best = matches.where(fit.members), fit.minima[0]
+        return cls.at(matches.where(fit.members), fit.minima[0])
+
+    @classmethod
+    def at(cls, members: Matches, best: Minimum) -> Doubt:
+        """Return the doubt that a minimum of all the ``members`` raises."""
         each = np.tile(np.eye(2).ravel(), (members.size, 2))
         response = linear_response(
             members.parameters, members.pixels, members.weights, each,
@@ -92,19 +97,41 @@ def sure_stretches(
     freedom: float,
 ) -> Stretches:
     """Return `stretches`, and what the law must be stretched to besides to hold what is left at 5 σ."""
-    first = stretches(matches, optimum, others.rivals, unscaled, variance, freedom)
+    usual, sure = (_quantile(chance, freedom) for chance in (1.0 - LEVEL, BEYOND))
+    rivals = _with_tips(matches, optimum, others.rivals, usual * variance)
+    first = stretches(matches, optimum, rivals, unscaled, variance, freedom)
     if matches.size < MANY:
         return first
     offsets = motion_offsets(*optimum, first.rotations, first.translations)
     wide = unscaled + (offsets.T * (first.weights / variance)) @ offsets
-    sure, usual = (_quantile(chance, freedom) for chance in (BEYOND, 1.0 - LEVEL))
     tips = [tip for doubt in others.doubts for tip in doubt.tips(sure * variance)]
-    far = stretches(matches, optimum, others.rivals + tips, wide, sure / usual * variance, freedom)
+    tips += _with_tips(matches, optimum, others.rivals, sure * variance)
+    far = stretches(matches, optimum, tips, wide, sure / usual * variance, freedom)
     return Stretches(
         np.concatenate((first.weights, usual / sure * far.weights)),
         np.concatenate((first.rotations, far.rotations)),
         np.concatenate((first.translations, far.translations)),
     )
+
+
+def _with_tips(
+    matches: Matches, optimum: tuple[FloatArray, FloatArray], rivals: list[Minimum], room: float
+) -> list[Minimum]:
+    """Return the rivals, and the ends of what is left of ``room`` [px²] along the axes of each one's own law.
+
+    The truth may be at the border of the region of a rival, which has other axes than that of the optimum.
+    """
+    essential, found = np.empty((3, 3)), list(rivals)
+    essential_matrix(*optimum, essential)
+    most = sampson_cost(matches.bearings, matches.jacobians, math.inf, essential) + room
+    for rival in rivals:
+        is_regular = determines_motion(
+            matches.parameters, matches.pixels, matches.weights,
+            rival.rotation, rival.translation, rival.points,
+        )  # fmt: skip
+        if rival.cost < most and is_regular:
+            found += Doubt.at(matches, rival).tips(most - rival.cost)[1:]
+    return found
 
 
 def _quantile(chance: float, freedom: float) -> float:
