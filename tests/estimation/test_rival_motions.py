@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 from benchmarks.closed_loop_risk import OFF_MODEL, estimate_of, job, with_error_stated
 from benchmarks.tempting_scenes import answered, is_sure_and_wrong
+from scipy.spatial.transform import RigidTransform, Rotation
 from scipy.stats import chi2
 
+from omniservo.cameras import preset
 from omniservo.estimation import estimate_two_view
 from omniservo.estimation.matches import Matches
 from omniservo.estimation.robust.rival_motions import with_rivals
@@ -32,6 +34,32 @@ def test_the_minimum_that_many_points_of_little_relief_hide_is_found(k):
     scene, found = answered(RELIEF, k)
     pose, truth = found.initial_T_goal, scene.initial_T_goal
     assert (truth.rotation.inv() * pose.rotation).magnitude() < np.radians(3.0)
+
+
+def of_lines(lines, n, k):
+    """The motion, and what is said of it, before points on a few lines; noise of 0.3 px, which is stated."""
+    rng, camera = np.random.default_rng([k, lines, n]), preset("fe185")
+    while True:
+        ends = rng.uniform([-0.25, -0.2, 0.4], [0.25, 0.2, 0.8], (2, lines, 3))
+        along, which = rng.uniform(size=(n, 1)), np.arange(n) % lines
+        points = (1.0 - along) * ends[0, which] + along * ends[1, which]
+        turn = Rotation.from_rotvec(rng.uniform(-0.5, 0.5, 3))
+        pose = RigidTransform.from_components(rng.uniform(-0.3, 0.3, 3), turn)
+        (initial, seen), (goal, too) = camera.project(points), camera.project(pose.inv().apply(points))
+        if seen.all() and too.all():
+            break
+    initial, goal = (p + 0.3 * rng.normal(size=p.shape) for p in (initial, goal))
+    return pose, estimate_two_view(camera, initial, goal, noise=0.3)
+
+
+@pytest.mark.parametrize(
+    ("lines", "n", "k"),
+    [(2, 12, 27), (2, 12, 74), (2, 60, 7), (2, 60, 36), (3, 60, 87)],
+)
+def test_points_on_a_few_lines_hide_no_minimum(lines, n, k):
+    """Two lines and both cameras lie on a quadric, which is critical: each answer was sure and wrong."""
+    truth, found = of_lines(lines, n, k)
+    assert found.status != "ok" or not is_sure_and_wrong(found, truth)
 
 
 def test_far_from_any_plane_a_fit_is_as_it_was():
