@@ -169,3 +169,16 @@ def test_an_illegal_noise_says_what_is_legal(make_scene, noise, message):
     scene = make_scene(np.random.default_rng(78), n=9)
     with pytest.raises(InputError, match=message):
         estimate_two_view(scene.camera, scene.pixels_initial, scene.pixels_goal, noise=noise)
+
+
+def test_seven_matches_that_contradict_the_stated_noise_have_a_covariance(make_scene):
+    """Of two degrees of freedom it was a ZeroDivisionError where the covariance was read."""
+    contradicted = 0
+    for seed in range(300):
+        rng = np.random.default_rng(seed)
+        scene = make_scene(rng, n=7)
+        found = estimate_two_view(scene.camera, *scene.noisy(rng, 1.2), noise=0.5)
+        if found.status == "ok":
+            assert np.isfinite(found.covariance).all()
+            contradicted += np.isfinite(found.uncertainty.freedom)
+    assert contradicted > 0

@@ -13,7 +13,7 @@ from omniservo.cameras import ModelError, UnifiedCamera
 from omniservo.cameras.conversion import UnifiedImage
 from omniservo.estimation.matches import Matches
 from omniservo.estimation.minimal_solvers.essential_matrix import linear_structure
-from omniservo.estimation.robust.members import PRIOR_NOISE_PX
+from omniservo.estimation.robust.members import PRIOR_NOISE_PX, PRIOR_WEIGHT
 from omniservo.estimation.uncertainty.calibration_response import calibration_directions
 from omniservo.estimation.uncertainty.camera_moves import CameraMoves
 from omniservo.estimation.uncertainty.first_order import LinearResponse
@@ -42,10 +42,16 @@ class Noise(NamedTuple):
 
     @classmethod
     def of(cls, weighted: float, freedom: int, stated: float | None) -> Noise:
-        """Return what was stated, unless the residuals contradict it: Σ w²r² [px²] with so much freedom."""
-        if stated is None or weighted > stated**2 * float(chdtri(freedom, PROBABLE)):
-            return cls(weighted / freedom, float(freedom))
-        return cls(stated**2, math.inf)
+        """Return what was stated, unless the residuals contradict it: Σ w²r² [px²] with so much freedom.
+
+        With one or two degrees Student's law has no variance: they are joined with what is stated.
+        """
+        if stated is not None:
+            if freedom == 0 or weighted <= stated**2 * float(chdtri(freedom, PROBABLE)):
+                return cls(stated**2, math.inf)
+            if freedom <= 2:
+                weighted, freedom = weighted + PRIOR_WEIGHT * stated**2, freedom + int(PRIOR_WEIGHT)
+        return cls(weighted / freedom, float(freedom))
 
     def in_common(self, members: Matches) -> Noise:
         """Return the noise of the motion; more than this one where nothing is stated of the matches'.
