@@ -26,7 +26,13 @@ from omniservo.estimation.refinement.joint_refinement import refine_jointly, res
 from omniservo.estimation.refinement.motion_search import FEW_POINTS
 from omniservo.estimation.robust.members import MOTION_PARAMETERS
 from omniservo.estimation.robust.rival_motions import with_rivals
-from omniservo.estimation.robust.two_view_fit import EIGHT_POINTS, LEAST_POINTS, TwoViewFit, fit_two_views
+from omniservo.estimation.robust.two_view_fit import (
+    EIGHT_POINTS,
+    LEAST_POINTS,
+    TwoViewFit,
+    fit_two_views,
+    sharper_fit,
+)
 from omniservo.estimation.robust.vouched_fit import vouched_fit
 from omniservo.estimation.status.evidence import is_only_noisier, judge
 from omniservo.estimation.status.heavy_tails import tail_of
@@ -218,35 +224,38 @@ def _estimate_general(
     if matches.size < LEAST_POINTS:
         words = f"{matches.size} matches given; at least {LEAST_POINTS} are needed"
         return TwoViewEstimate.without_pose(matches.size, "too_few_points", words, started)
+    gates = matches
     by_squares, against = robust and len(request.squares) > 0, ""
     if by_squares:
         fit, against = fit_squares(matches, request.squares, request.kind)
     else:
         fit = fit_two_views(matches, request.kind, robust)
+        if fit is not None and matches.size > FEW_POINTS and request.may_raise(robust):
+            gates, fit = sharper_fit(matches, fit, request.kind, request.own_px)
     if fit is None:
         words = f"fewer than {EIGHT_POINTS} of the {matches.size} matches agree"
         return TwoViewEstimate.without_pose(matches.size, "too_few_points", words, started)
     error_px = request.lens.sigma_px
-    status, words = judge(fit, matches, robust, error_px)
-    if status == "not_converged" and request.may_raise(robust) and is_only_noisier(fit, matches, error_px):
+    status, words = judge(fit, gates, robust, error_px)
+    if status == "not_converged" and request.may_raise(robust) and is_only_noisier(fit, gates, error_px):
         return _estimate_general(matches.noisier(RAISE), plane, robust, request.noisier(RAISE), started)
     if status == "ok" and against:
         return TwoViewEstimate.without_pose(matches.size, "not_converged", against, started)
     if status == "ok" and not by_squares:
-        wider = with_rivals(matches, fit, request.kind, robust)
+        wider = with_rivals(gates, fit, request.kind, robust)
         if wider is not fit:
             fit = wider
-            status, words = judge(fit, matches, robust, error_px)
-    vouched = vouched_fit(matches, fit, request.kind) if status == "ok" and robust and not by_squares else fit
+            status, words = judge(fit, gates, robust, error_px)
+    vouched = vouched_fit(gates, fit, request.kind) if status == "ok" and robust and not by_squares else fit
     if vouched is None:
         words = f"fewer than {EIGHT_POINTS} of the {matches.size} matches agree and vouch for each other"
         return TwoViewEstimate.without_pose(matches.size, "too_few_points", words, started)
     if vouched is not fit:
         fit = vouched
-        status, words = judge(fit, matches, robust, error_px)
+        status, words = judge(fit, gates, robust, error_px)
     judged = Judged(status, words, two_of(fit, status))
     if status == "ok" and robust and not by_squares:
-        judged = judge_others(matches, fit, request.kind, error_px)
+        judged = judge_others(gates, fit, request.kind, error_px)
     if judged.status != "ok":
         both = tuple(_pose(m.rotation, m.translation) for m in judged.motions)
         return TwoViewEstimate.without_pose(matches.size, judged.status, judged.words, started, both)
@@ -268,7 +277,7 @@ def _estimate_few(
     that they show.
     """
     if matches.size <= FEW_POINTS and request.may_raise(robust) and not len(request.squares):
-        narrow = matches.noisier(float(np.median(np.asarray(request.noise))) / matches.noise_px)
+        narrow = matches.noisier(request.own_px / matches.noise_px)
         found = _estimate_general(narrow, plane, robust, request._replace(is_last=True), started)
         if (found.status == "ok" and not found.message) or found.status == "ambiguous":
             return found

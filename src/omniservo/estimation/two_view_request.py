@@ -70,6 +70,11 @@ class TwoViewRequest(NamedTuple):
             noise=None if self.noise is None else factor * self.noise, raised=factor, is_last=True
         )
 
+    @property
+    def own_px(self) -> float:
+        """σ [px] of most pixels alone, where it is stated."""
+        return 0.0 if self.noise is None else float(np.median(self.noise))
+
     def windows_of(self, members: BoolArray) -> FloatArray | None:
         """Return the members' windows (m,) [px]; None: they err alone."""
         return None if self.windows is None else self.windows[members]

@@ -48,6 +48,12 @@ NARROW = 2.0
 """Few matches are sampled within so many σ, where it is stated: the wider the gate, the more a motion gains
 that bends to a wrong match and leaves all others half out."""
 
+SHARPER = (1.0, 2.0)
+"""times the pixels' own noise: gates in which the motion of a real camera's matches is looked for"""
+
+SHARP_SHARE = 0.6
+"""of the matches within wide gates must agree in narrow ones: fewer, and the camera's error is seen there"""
+
 THING = 4
 """Matches that are wrong together: the corners of a tag"""
 
@@ -125,6 +131,25 @@ def fit_members(
     elif sampled:
         starts.append(eight_point_starts(chosen.bearings, START_ANGLES[:MANY_STARTS]))
     return TwoViewFit(members, search_motion(chosen, kind, np.concatenate(starts)))
+
+
+def sharper_fit(matches: Matches, wide: TwoViewFit, kind: int, own_px: float) -> tuple[Matches, TwoViewFit]:
+    """Return the fit that does not bend to wrong matches, and the matches with the noise of its gates.
+
+    Gates wide enough for a camera's model error, which motion and structure mostly absorb, have room for
+    wrong matches. Of many beside one facade, a few of them turn the motion that the facade leaves half free.
+    Where most matches agree to the pixels' own noise σ ``own_px``, and their motion puts members of the
+    ``wide`` fit outside those gates, that one has bent to them.
+    """
+    for factor in SHARPER:
+        narrow = matches.noisier(factor * own_px / matches.noise_px)
+        sharp = fit_two_views(narrow, kind, True)
+        if sharp is None or not sharp.minima or sharp.members.sum() < SHARP_SHARE * wide.members.sum():
+            continue
+        best, within = sharp.minima[0], sharp.members.copy()
+        mark_members(matches, best.rotation, best.translation, GATE, within)
+        return (narrow, sharp) if (wide.members & ~within).any() else (matches, wide)
+    return matches, wide
 
 
 def _five_point_starts(matches: Matches) -> FloatArray:

@@ -38,6 +38,10 @@ LARGEST_BODY = 0.05
 """of the matches may be rejected and alike: a small thing that moved by itself, the rim of a near one.
 Rendered pairs of the right camera have up to 4%, real ones 5%, no more than chance brings."""
 
+LARGEST_PATTERN = 0.2
+"""likewise where the others agree to the pixels' own noise, of less than the camera's model error: another
+camera's do not, but windows taken for the next ones are as many"""
+
 LARGEST_FOCAL_ERROR = 0.03
 """A calibration is better; temperature and focus change less."""
 
@@ -51,12 +55,13 @@ CHANCE_FOCAL = 1e-4
 """Small: errors of natural features have longer tails than a normal law, and neighbours share some."""
 
 
-def foreign_evidence(fit: TwoViewFit, matches: Matches, sigma: float) -> str | None:
+def foreign_evidence(fit: TwoViewFit, matches: Matches, sigma: float, camera_error_px: float) -> str | None:
     """Return the evidence that the matches come from another camera, or not from one rigid scene.
 
-    ``sigma`` is the noise of a coordinate of weight 1 [px].
+    ``sigma`` is the noise of a coordinate of weight 1, ``camera_error_px`` that of the camera's model [px].
     """
-    return _other_focal(fit, matches) or _alike(fit, matches, GATE * sigma)
+    largest = LARGEST_BODY if matches.noise_px >= camera_error_px else LARGEST_PATTERN
+    return _other_focal(fit, matches) or _alike(fit, matches, GATE * (sigma + camera_error_px), largest)
 
 
 def _other_focal(fit: TwoViewFit, matches: Matches) -> str | None:
@@ -77,9 +82,9 @@ def _other_focal(fit: TwoViewFit, matches: Matches) -> str | None:
     )
 
 
-def _alike(fit: TwoViewFit, matches: Matches, gate: float) -> str | None:
+def _alike(fit: TwoViewFit, matches: Matches, gate: float, largest: float) -> str | None:
     best, n = fit.minima[0], matches.size
-    if n - np.count_nonzero(fit.members) < LARGEST_BODY * n:
+    if n - np.count_nonzero(fit.members) < largest * n:
         return None
     alike, beyond = count_alike(matches, fit.members, best.rotation, best.translation, gate)
     if alike < LARGEST_BODY * n or float(bdtrc(alike - 1, beyond, 0.5)) >= CHANCE_ALIKE:

@@ -131,8 +131,9 @@ def judge(
         if members.noise_px > 0.0:
             words += f" where {members.noise_px:.2g} px is stated"
         return "not_converged", f"{words}: the matches do not agree"
-    sigma = math.sqrt(variance)
-    against = foreign_evidence(fit, matches, sigma + camera_error_px) or badly_found(matches, fit, sigma)
+    found = math.sqrt(noise_variance(fit.cost, freedom, members.noise_px))
+    foreign = foreign_evidence(fit, matches, math.sqrt(variance), camera_error_px)
+    against = foreign or badly_found(matches, fit, found)
     if against is not None:
         return "not_converged", against
     return _rival(fit, members, variance) or _other_members(fit) or ("ok", "")
@@ -143,7 +144,7 @@ def is_only_noisier(fit: TwoViewFit, matches: Matches, camera_error_px: float) -
     if not fit.minima or not fit.minima[0].converged:
         return False
     sigma = math.sqrt(noise_variance(fit.cost, int(fit.members.sum()) - MOTION_PARAMETERS, matches.noise_px))
-    foreign = foreign_evidence(fit, matches, sigma + camera_error_px)
+    foreign = foreign_evidence(fit, matches, sigma, camera_error_px)
     return foreign is None and badly_found(matches, fit, sigma) is not None
 
 
