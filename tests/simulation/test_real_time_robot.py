@@ -7,6 +7,8 @@ from threading import Event
 import numpy as np
 import pytest
 
+from omniservo.cameras.models import camera_from_dict
+from omniservo.errors import InputError, InvalidData
 from omniservo.robots import ArmDriver, ArmMode, CameraSource
 from omniservo.scenes import Sensor
 from omniservo.simulation import RealTimeRobot, SimulatedRobot, real_time_robot
@@ -134,3 +136,29 @@ def test_closed_twice(opened):
     robot = opened(rendered=False)
     robot.close()
     robot.close()
+
+
+def test_pictures_that_cannot_be_rendered_are_said_and_not_waited_for(opened, monkeypatch):
+    class Broken(real_time_robot.UnifiedRenderer):
+        def photograph(self, *of):
+            raise MemoryError("no room")
+
+    monkeypatch.setattr(real_time_robot, "UnifiedRenderer", Broken)
+    robot = opened()
+    until(lambda: robot.behind is not None)
+    assert robot.behind == "no more images: MemoryError: no room"
+    with pytest.raises(InvalidData, match="no more images: MemoryError"):
+        robot.image()
+    robot.read()
+
+
+def test_a_camera_of_too_many_pixels_is_refused_before_anything_is_served(scene):
+    large = {**scene.camera.to_dict(), "width": 99_999, "height": 99_999}
+    with pytest.raises(InputError, match="99999x99999 pixels"):
+        RealTimeRobot(replace(scene, camera=camera_from_dict(large)))
+
+
+def test_exposures_are_forgotten_once_a_later_frame_is_delivered(opened):
+    robot = opened(rendered=False, sensor={"rate": 200.0})
+    until(lambda: len(robot._numbers) > 20)
+    assert len(robot._robot._exposed) < 15  # those of the latency, and of the thread's rounds

@@ -11,10 +11,12 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import RigidTransform
 
+from omniservo.errors import InvalidData
 from omniservo.geometry.arrays import FloatArray
 from omniservo.hardware import JointHistory
 from omniservo.robots import ArmMode, CameraImage, RobotState
 from omniservo.scenes import Scene
+from omniservo.simulation.largest_image import refuse_larger
 from omniservo.simulation.projected_dots import ProjectedDots
 from omniservo.simulation.simulated_robot import Exposure, SimulatedRobot
 from omniservo.simulation.unified_renderer import UnifiedRenderer
@@ -44,12 +46,14 @@ class RealTimeRobot:
         projected: frames are not rendered, but show the scene's dots alone; see `ProjectedDots`.
 
     Raises:
-        InputError: as `SimulatedRobot`.
+        InputError: as `SimulatedRobot`, or frames are rendered of a camera of more than 2²⁵ pixels.
     """
 
     def __init__(
         self, scene: Scene, seed: int = 0, *, rendered: bool = True, projected: bool = False
     ) -> None:
+        if rendered:
+            refuse_larger(scene.camera)
         self._dots = ProjectedDots(scene) if projected else None
         soonest = replace(scene.sensor, latency=min(scene.sensor.half_span, scene.sensor.latency))
         self._robot = SimulatedRobot(replace(scene, sensor=soonest), seed, rendered=False)
@@ -61,6 +65,7 @@ class RealTimeRobot:
         self._picture: CameraImage | None = None
         self._waiting: deque[CameraImage] = deque()
         self._numbers: deque[int] = deque(maxlen=_COUNTED)
+        self._failure = ""
         self._ended = Event()
         self._threads = [Thread(target=work, daemon=True) for work in (self._move, self._take_pictures)]
         for thread in self._threads:
@@ -68,7 +73,9 @@ class RealTimeRobot:
 
     @property
     def behind(self) -> str | None:
-        """What to say where frames are left out because rendering takes too long; None: it keeps up."""
+        """What to say where no frame comes any more, or rendering takes too long; None: it keeps up."""
+        if self._failure:
+            return self._failure
         numbers = list(self._numbers)
         if len(numbers) < _COUNTED:
             return None
@@ -88,7 +95,13 @@ class RealTimeRobot:
             return self._state()
 
     def image(self) -> CameraImage | None:
-        """Return the newest delivered frame; None before the first one arrives."""
+        """Return the newest delivered frame; None before the first one arrives.
+
+        Raises:
+            InvalidData: frames cannot be rendered any more.
+        """
+        if self._failure:
+            raise InvalidData(self._failure)
         with self._lock:
             due = time.monotonic() - self._scene.sensor.latency
             while self._waiting and self._waiting[0].time <= due:
@@ -163,10 +176,17 @@ class RealTimeRobot:
                 self._catch_up()
 
     def _take_pictures(self) -> None:
+        try:
+            self._render()
+        except Exception as error:  # whoever waits for images is told, in place of waiting on
+            self._failure = f"no more images: {type(error).__name__}: {error}"
+
+    def _render(self) -> None:
         last, renderer = -np.inf, None
         while not self._ended.wait(_LOOK):
             with self._lock:
                 exposure = self._robot.newest_exposure()
+                self._robot.forget()
             if exposure is None or exposure.time == last:
                 continue
             last, pixels = exposure.time, np.zeros((0, 0), dtype=np.uint8)

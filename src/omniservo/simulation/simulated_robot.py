@@ -137,6 +137,12 @@ class SimulatedRobot:
         """Return what the newest delivered frame shows; None before the first one arrives."""
         return None if self._delivered is None else self._exposure(*self._delivered)
 
+    def forget(self) -> None:
+        """Let go of the exposures before that of the newest delivered frame, which else are kept for truth."""
+        first = 0.0 if self._delivered is None else self._delivered[0] * TICK
+        for time in [time for time in self._exposed if time < first]:
+            del self._exposed[time]
+
     def _exposure(self, tick: int, number: int) -> Exposure:
         joints, world = self._exposed[tick * TICK]
         light = self._scene.light_at(tick * TICK)
