@@ -112,6 +112,16 @@ def test_what_is_said_of_a_broken_stl_does_not_go_to_standard_error(tmp_path, ca
     assert logging.getLogger("trimesh").handlers, "without one of its own, Python's last resort writes it"
 
 
+@pytest.mark.parametrize("name", ["vertex holder", "vertex 1 2 3", "Vertex", "endsolid", "solidworks"])
+def test_the_name_of_a_solid_is_no_part_of_its_shape(name, tmp_path):
+    corners = "vertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\n"
+    facet = f"facet normal 0 0 1\nouter loop\n{corners}endloop\nendfacet\n"
+    (tmp_path / "part.stl").write_text(f"solid {name}\n{facet}endsolid {name}\n" * 2)
+    vertices, triangles = read_triangles(tmp_path / "part.stl")
+    assert vertices.tolist() == [[0, 0, 0], [1, 0, 0], [0, 1, 0]] * 2
+    assert triangles.tolist() == [[0, 1, 2], [3, 4, 5]]
+
+
 @pytest.mark.parametrize("reader", ["target", "hand-eye", "task"])
 def test_a_quaternion_whose_square_is_no_number_is_refused_without_a_warning(reader, tmp_path):
     path, turn = tmp_path / "file.yaml", {"quaternion": [1e200, 0.0, 0.0, 1.0]}

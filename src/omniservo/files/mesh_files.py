@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import logging
+import re
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,9 @@ MOST_BYTES = 16 * 2**20
 
 _HEADER, _RECORD = 84, 50
 """[bytes] of a binary STL, and of each triangle in it"""
+
+_NAME = re.compile(rb"^([ \t]*(?:end)?solid\b)[^\r\n]*", re.IGNORECASE | re.MULTILINE)
+"""A solid's name, in which trimesh would take "vertex" and "solid" for what they say elsewhere"""
 
 _STOPPED = "string or file could not be read to its end"
 """NumPy's warning where it stops in the middle of a text"""
@@ -64,12 +68,14 @@ def _load_stl(content: bytes) -> tuple[FloatArray, IntArray]:
     from trimesh.exchange.stl import load_stl  # loads slowly, and few callers have meshes
 
     logging.getLogger("trimesh").addHandler(_SILENT)
+    is_binary = len(content) == _HEADER + _RECORD * int.from_bytes(content[_HEADER - 4 : _HEADER], "little")
+    if not is_binary:
+        content = _NAME.sub(rb"\1", content)
     with own_warnings("error", _STOPPED):
         loaded: dict[str, Any] = load_stl(io.BytesIO(content))
     solids = list(loaded["geometry"].values()) if "geometry" in loaded else [loaded]
     corners = [np.asarray(solid["vertices"], dtype=np.float64).reshape(-1, 3) for solid in solids]
     vertices = np.concatenate([np.zeros((0, 3)), *corners])  # three of each triangle, in their order
-    is_binary = len(content) == _HEADER + _RECORD * int.from_bytes(content[_HEADER - 4 : _HEADER], "little")
     if not is_binary and content.lower().count(b"vertex") > len(vertices):
         raise ValueError("a solid does not end")  # such ones are passed over
     return vertices, np.arange(len(vertices)).reshape(-1, 3)
