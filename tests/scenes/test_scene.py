@@ -52,6 +52,14 @@ def test_normals_become_unit_and_arrays_read_only():
         dots.centers[0, 0] = 1.0
 
 
+def test_of_lights_that_begin_at_one_time_the_last_shines_whichever_is_brighter():
+    for first, last in ((1.0, 0.5), (0.5, 1.0)):
+        scene = make_scene(lights=(Light(brightness=first), Light(brightness=last)))
+        assert scene.light_at(0.0).brightness == last
+    with pytest.raises(InputError, match="lights: one since 0 s"):
+        make_scene(lights=(Light(), Light(since=2.0), Light(since=1.0)))
+
+
 @pytest.mark.parametrize(
     "bad",
     [

@@ -159,7 +159,8 @@ class Scene:
             sizes = [(lens.width, lens.height) for lens in (self.true_camera, self.camera)]
             if sizes[0] != sizes[1]:
                 raise InputError(f"scene: true_camera: {_size(sizes[0])} given; camera has {_size(sizes[1])}")
-        if not self.lights or self.lights[0].since > 0.0 or list(self.lights) != sorted(self.lights):
+        times = [light.since for light in self.lights]
+        if not times or times[0] > 0.0 or times != sorted(times):
             raise InputError("scene: lights: one since 0 s is needed, and later ones in their order")
         names = [body.name for body in (*self.bodies, *self.panels)]
         names += {solid.name for solid in self.solids}

@@ -138,7 +138,7 @@ class SimulatedRobot:
         return None if self._delivered is None else self._exposure(*self._delivered)
 
     def forget(self) -> None:
-        """Let go of the exposures before that of the newest delivered frame, which else are kept for truth."""
+        """Let go of the exposures before that of the newest delivered frame, kept for truth else."""
         first = 0.0 if self._delivered is None else self._delivered[0] * TICK
         for time in [time for time in self._exposed if time < first]:
             del self._exposed[time]
