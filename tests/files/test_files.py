@@ -9,7 +9,14 @@ import warnings
 import pytest
 
 from omniservo.errors import AlreadyExists, FeatureLoss, InputError, NotWritten
-from omniservo.files import parse_document, python_class, read_document, whole_folder, write_whole
+from omniservo.files import (
+    copy_whole,
+    parse_document,
+    python_class,
+    read_document,
+    whole_folder,
+    write_whole,
+)
 from omniservo.files.own_warnings import own_warnings
 
 
@@ -63,6 +70,21 @@ def test_an_existing_file_is_replaced_only_by_force(tmp_path):
     write_whole(file, "two", force=True)
     assert file.read_text() == "two"
     assert [p.name for p in tmp_path.iterdir()] == ["plan.json"]
+
+
+def test_of_two_that_write_one_file_at_once_the_second_is_told(tmp_path):
+    file, source = tmp_path / "plan.json", tmp_path / "source"
+    source.write_text("second")
+
+    class Slow(type(source)):
+        def open(self, *of):
+            write_whole(file, "first")
+            return super().open(*of)
+
+    with pytest.raises(AlreadyExists):
+        copy_whole(Slow(source), file)
+    assert file.read_text() == "first"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["plan.json", "source"]
 
 
 def test_an_interrupted_folder_leaves_nothing_and_keeps_the_old_one(tmp_path):

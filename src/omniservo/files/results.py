@@ -91,12 +91,32 @@ def _whole(path: str | Path, *, force: bool) -> Iterator[BinaryIO]:
         with os.fdopen(handle, "wb") as stream:
             yield stream
         Path(temporary).chmod(0o644)
-        Path(temporary).replace(file)
+        _named(Path(temporary), file, force=force)
     except BaseException as error:
         Path(temporary).unlink(missing_ok=True)
         if isinstance(error, OSError):
             raise NotWritten(path, error.strerror or str(error)) from None
         raise
+
+
+def _named(temporary: Path, file: Path, *, force: bool) -> None:
+    """Give a whole file its name; without force one that came there meanwhile stays.
+
+    Raises:
+        AlreadyExists: there is one.
+        OSError: it cannot have the name.
+    """
+    if not force:
+        try:
+            os.link(temporary, file)
+        except FileExistsError:
+            raise AlreadyExists(file) from None
+        except OSError:  # of a file system without hard links
+            pass
+        else:
+            temporary.unlink()
+            return
+    temporary.replace(file)
 
 
 def writable_folder(path: str | Path, known_by: str, *, force: bool = False) -> None:
