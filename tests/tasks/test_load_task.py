@@ -21,6 +21,7 @@ from omniservo.planning import Sphere
 from omniservo.robots import load_arm
 from omniservo.scenes.scene_of_task import scene_of_task
 from omniservo.tasks import TaughtGoal, load_task, shipped_tasks
+from omniservo.tasks.save_task import save_task
 
 SHIPPED = (
     "catadioptric-ring",
@@ -692,6 +693,9 @@ def test_packages_of_a_task_lie_in_its_folder_and_the_readers_win(tmp_path):
     for options, radius in (({}, 0.02), ({"packages": own}, 0.03)):
         arm = scene_of_task(load_task(written(folder, document), **options)).arm
         assert arm.links[0].shapes[0].extents[0] == pytest.approx(2.0 * radius, rel=0.1)
+    task = load_task(written(folder, document))
+    save_task(task, folder / "saved.yaml")
+    assert load_task(folder / "saved.yaml").arm == task.arm
     document["arm"]["packages"] = {"shapes": "../own"}
     with pytest.raises(InputError, match=r"arm\.packages\.shapes: '../own' given; legal: a relative path"):
         load_task(written(folder, document))

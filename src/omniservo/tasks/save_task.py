@@ -25,7 +25,8 @@ def task_text(task: Task) -> str:
 
     It is YAML, or JSON where many points stand in it.
 
-    An arm that does not ship with the package is named by its path; the file has to lie in its folder.
+    An arm that does not ship with the package is named by its path; the file has to lie in its folder, and
+    names the ROS packages that lie in it.
 
     Raises:
         InputError: what the task keeps in values, no file can name: a tracking tube.
@@ -37,8 +38,11 @@ def task_text(task: Task) -> str:
         fields["simulation"]["true_camera"] = task.simulation.true_camera.to_dict()
     fields["arm"] = _dumped(task.arm)
     if task.arm.model not in shipped_arms():
-        fields["arm"]["model"] = Path(task.arm.model).name
-        fields["arm"].pop("packages", None)
+        model = Path(task.arm.model)
+        folders = {name: Path(folder) for name, folder in task.arm.packages.items()}
+        inside = {name: f for name, f in folders.items() if f.is_relative_to(model.parent)}
+        fields["arm"]["model"] = model.name
+        fields["arm"]["packages"] = {n: str(f.relative_to(model.parent)) for n, f in inside.items()}
     if task.planning.tracking_tube is not None:
         raise InputError(
             f"{task.name}: planning.tracking_tube: a measured tube cannot be written into a task"
