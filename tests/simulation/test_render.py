@@ -1,5 +1,6 @@
 """What render draws of a MuJoCo model is what MuJoCo's own rays meet and its own renderer shows."""
 
+import inspect
 import subprocess
 import sys
 from pathlib import Path
@@ -112,6 +113,86 @@ def test_a_perspective_image_is_that_of_mujocos_own_renderer(tmp_path):
         assert np.median(of_it) <= (30 if smoothed else 6), model.geom(geom).name
     assert np.quantile(off, 0.9) <= 20
     assert np.median(off[ours.geoms < 0]) <= 2  # the sky
+
+
+_CORNERS = "-.3 -.2 -.25 .3 -.2 -.25 .3 .2 -.25 -.3 .2 -.25 -.3 -.2 .25 .3 -.2 .25 .3 .2 .25 -.3 .2 .25"
+_FACES = "0 2 1 0 3 2 4 5 6 4 6 7 0 1 5 0 5 4 1 2 6 1 6 5 2 3 7 2 7 6 3 0 4 3 4 7"
+_SHAPES = {
+    "plane": "size='.45 .3 .1'", "strip": "size='0 .3 .1'", "box": "size='.3 .2 .25'", "sphere": "size='.35'",
+    "ellipsoid": "size='.3 .2 .4'", "cylinder": "size='.2 .3'", "capsule": "size='.2 .25'",
+    "hfield": "hfield='hills'", "mesh": "mesh='block'", "spread": "mesh='spread'",
+}  # fmt: skip
+_TYPES = {"strip": "plane", "spread": "mesh"}
+
+
+def painted(path):
+    """The file's model with clouds for its texture, and its data; also run where MuJoCo's renderer is."""
+    import mujoco
+    import numpy as np
+    from scipy.ndimage import gaussian_filter
+
+    model = mujoco.MjModel.from_xml_path(path)
+    clouds = gaussian_filter(np.random.default_rng(0).normal(size=(192, 32, 3)), (4, 4, 0), mode="wrap")
+    clouds = np.round(255 * (clouds - clouds.min()) / np.ptp(clouds)).astype(np.uint8)
+    model.tex_data[:] = clouds.ravel()[: model.tex_data.size]
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    return model, data
+
+
+SHOWN_BY_MUJOCO = """
+import sys, mujoco, numpy as np
+model, data = painted(sys.argv[1])
+renderer, images = mujoco.Renderer(model, 120, 160), []
+for camera in range(model.ncam):
+    renderer.update_scene(data, camera)
+    images.append(renderer.render())
+np.save(sys.argv[2], images)
+"""
+
+
+@pytest.mark.parametrize("kind", ["2d", "cube"])
+@pytest.mark.parametrize("uniform", ["false", "true"])
+def test_textures_lie_on_every_shape_as_mujocos_own_renderer_lays_them(kind, uniform, tmp_path):
+    """Each shape fills an image of its own, seen askew, with nothing but its texture on it."""
+    size = "width='32' height='192'" if kind == "2d" else "width='32' height='32'"
+    shapes = [name for name in _SHAPES if kind == "2d" or name not in ("spread", "strip")]
+    bodies = "".join(
+        f"<body pos='{9 * i} 0 0' euler='20 -15 30'><geom name='{name}' type='{_TYPES.get(name, name)}' "
+        f"{_SHAPES[name]} material='painted'/></body>"
+        f"<camera pos='{9 * i + 0.7} -.9 .8' xyaxes='.79 .61 0 -.35 .45 .82' fovy='40'/>"
+        for i, name in enumerate(shapes)
+    )
+    (tmp_path / "scene.xml").write_text(
+        f"""<mujoco><visual><headlight ambient="0 0 0" diffuse="0 0 0" specular="0 0 0"/></visual><asset>
+        <texture name="clouds" type="{kind}" builtin="flat" {size}/>
+        <material name="painted" texture="clouds" texrepeat="2 .5" texuniform="{uniform}" specular="0"
+          emission="1"/>
+        <mesh name="block" vertex="{_CORNERS}" face="{_FACES}"/>
+        <mesh name="spread" vertex="{_CORNERS}" face="{_FACES}"
+          texcoord="0 0 1 0 1 1 0 1 .2 .2 .8 .1 .9 .9 .1 .8"/>
+        <hfield name="hills" nrow="4" ncol="4" size=".45 .3 .1 .1" elevation="{"0 1 2 1 " * 4}"/>
+        </asset><worldbody>{bodies}</worldbody></mujoco>"""
+    )
+    (tmp_path / "own.py").write_text(inspect.getsource(painted) + SHOWN_BY_MUJOCO)
+    ended = subprocess.run(
+        [sys.executable, "own.py", "scene.xml", "own.npy"], cwd=tmp_path, capture_output=True, check=False,
+        env={"MUJOCO_GL": "egl", "PYTHONPATH": ":".join(sys.path)},
+    )  # fmt: skip
+    if not (tmp_path / "own.npy").exists():
+        pytest.skip(f"no EGL here: {ended.stderr[-80:]!r}")
+    model, data = painted(str(tmp_path / "scene.xml"))
+    focal = 60.0 / np.tan(np.radians(20.0))
+    lens = UnifiedCamera(focal, focal, 79.5, 59.5, 0.0, 160, 120)
+    for i, own in enumerate(np.load(tmp_path / "own.npy").astype(int)):
+        axes = data.cam_xmat[i].reshape(3, 3) @ np.diag([1.0, -1.0, -1.0])
+        ours = render(
+            model, data, lens, RigidTransform.from_components(data.cam_xpos[i], Rotation.from_matrix(axes))
+        )
+        inside = ours.geoms == model.geom(shapes[i]).id
+        off = np.abs(ours.image - own).max(axis=-1)[inside]
+        assert len(off) > 1000, shapes[i]
+        assert np.median(off) <= 8, (shapes[i], np.median(off))
 
 
 def test_points_of_a_mesh_lie_in_its_texture_where_its_faces_say(scene):

@@ -20,6 +20,8 @@ _ROLE = int(mujoco.mjtTextureRole.mjTEXROLE_RGB)
 _2D, _CUBE = int(mujoco.mjtTexture.mjTEXTURE_2D), int(mujoco.mjtTexture.mjTEXTURE_CUBE)
 _SKYBOX = int(mujoco.mjtTexture.mjTEXTURE_SKYBOX)
 _KINDS = mujoco.mjtGeom
+_IN_METRES = (_KINDS.mjGEOM_PLANE, _KINDS.mjGEOM_HFIELD, _KINDS.mjGEOM_MESH)
+"""what MuJoCo draws point by point; the others are unit shapes that it stretches"""
 _SIDES = 6
 
 
@@ -87,22 +89,24 @@ class ModelSurfaces:
         """Return the texture's colours (n, 3) at points (n, 3) of a geom, in its own frame."""
         model, texture = self._model, int(self._texture[geom])
         material, kind = int(model.geom_matid[geom]), int(model.geom_type[geom])
-        size = np.where(model.geom_size[geom] > 0.0, model.geom_size[geom], 1.0)
-        uniform = bool(model.mat_texuniform[material])
-        is_mesh = kind == _KINDS.mjGEOM_MESH
+        size, uniform = _drawn_size(kind, model.geom_size[geom]), bool(model.mat_texuniform[material])
         if model.tex_type[texture] != _2D:
-            unit = local if is_mesh else local / _extents(kind, size)
-            return self._on_cube(texture, unit * size if uniform and not is_mesh else unit)
+            place = local if kind in _IN_METRES else _on_unit_shape(kind, local, size)
+            return self._on_cube(texture, place * size if uniform else place)
         repeat = model.mat_texrepeat[material].astype(np.float64)
-        repeat = np.where(repeat > 0.0, repeat, 1.0) * (size[:2] if uniform and not is_mesh else 1.0)
-        if is_mesh:
-            known = mesh_coordinates(model, int(model.geom_dataid[geom]), local)
-            flat = 0.5 * local[:, :2] * [1.0, -1.0] * repeat - 0.5 if known is None else known * repeat
-        elif kind == _KINDS.mjGEOM_PLANE and (model.geom_size[geom, :2] <= 0.0).any():
-            flat = 0.5 * local[:, :2] * [1.0, -1.0] * repeat - 0.5
-        else:
-            flat = _coordinates(kind, local, size, outward) * repeat
-        return self._on_plane(texture, flat)
+        repeat = np.where(repeat > 0.0, repeat, 1.0)
+        sides = np.where(size[:2] > 0.0, size[:2], 1.0)
+        stretched = repeat * sides if uniform else repeat
+        if kind == _KINDS.mjGEOM_PLANE:
+            endless = size[:2] <= 0.0
+            flat = (0.5 * local[:, :2] / sides * [1.0, -1.0] + 0.5 * ~endless) * stretched
+            return self._on_plane(texture, flat - 0.5 * endless.any())
+        is_mesh = kind == _KINDS.mjGEOM_MESH
+        known = mesh_coordinates(model, int(model.geom_dataid[geom]), local) if is_mesh else None
+        if kind in _IN_METRES and known is None:
+            return self._on_plane(texture, 0.5 * local[:, :2] * [1.0, -1.0] * stretched / sides - 0.5)
+        flat = _coordinates(kind, local, size, outward) if known is None else known
+        return self._on_plane(texture, flat * stretched)
 
     def _on_plane(self, texture: int, at: FloatArray) -> FloatArray:
         """Return the colours (n, 3) of a texture that repeats, at (n, 2): across and down, 1 its side."""
@@ -139,21 +143,28 @@ def _of(values: Any, materials: IntArray, otherwise: Any) -> Any:
     return values.reshape(len(values), *np.shape(otherwise))[np.maximum(materials, 0)]
 
 
-def _extents(kind: int, size: FloatArray) -> FloatArray:
-    """Return half of the sides (3,) that a geom's unit shape is stretched by."""
+def _drawn_size(kind: int, size: FloatArray) -> FloatArray:
+    """Return half of the sides (3,) of a geom as MuJoCo draws it: its unit shape is stretched by them."""
     if kind == _KINDS.mjGEOM_SPHERE:
         return np.full(3, size[0])
     if kind in (_KINDS.mjGEOM_CYLINDER, _KINDS.mjGEOM_CAPSULE):
         return np.array([size[0], size[0], size[1]])
-    return size
+    return np.array(size)
+
+
+def _on_unit_shape(kind: int, local: FloatArray, size: FloatArray) -> FloatArray:
+    """Return where points (n, 3) of a geom lie on its unit shape; of a capsule's ends, on a unit ball."""
+    place: FloatArray = local / size
+    if kind == _KINDS.mjGEOM_CAPSULE:
+        beyond = np.abs(local[:, 2]) - size[2]
+        place[:, 2] = np.where(beyond > 0.0, np.copysign(1.0 + beyond / size[0], local[:, 2]), place[:, 2])
+    return place
 
 
 def _coordinates(kind: int, local: FloatArray, size: FloatArray, outward: FloatArray) -> FloatArray:
     """Return where in a texture points (n, 3) of MuJoCo's own shapes lie, (n, 2): across and down."""
-    x, y, z = (local / _extents(kind, size)).T
+    x, y, z = (local / size).T
     turn = np.arctan2(y, x) / (2.0 * np.pi) % 1.0
-    if kind == _KINDS.mjGEOM_PLANE:
-        return np.stack([0.5 + 0.5 * x, 0.5 - 0.5 * y], axis=-1)
     if kind == _KINDS.mjGEOM_BOX:
         face = np.abs(outward).argmax(axis=1)
         across, up = np.where(face == 0, y, x), np.where(face == 2, y, z)
@@ -163,7 +174,7 @@ def _coordinates(kind: int, local: FloatArray, size: FloatArray, outward: FloatA
         down = np.where(is_end, 0.5 + 0.5 * y, 0.5 - 0.5 * z)
         return np.stack([np.where(is_end, 0.5 + 0.5 * x, turn), down], axis=-1)
     if kind == _KINDS.mjGEOM_CAPSULE:
-        beyond = np.arcsin(np.clip((np.abs(local[:, 2]) - size[1]) / size[0], 0.0, 1.0)) / (np.pi / 2.0)
+        beyond = np.arcsin(np.clip((np.abs(local[:, 2]) - size[2]) / size[0], 0.0, 1.0)) / (np.pi / 2.0)
         ends = np.where(z > 0.0, 1.0 - beyond, beyond)
         return np.stack([turn, np.where(np.abs(z) > 1.0, ends, 0.5 - 0.5 * z)], axis=-1)
     lengths = np.sqrt(x**2 + y**2 + z**2)
