@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import zstandard
+from mcap.writer import Writer
 
 from omniservo.errors import InputError, NotWritten
 from omniservo.recording import Attachment, Parameters, Recorded, RecordedRun, RunRecording
@@ -23,6 +24,7 @@ from omniservo.recording.recorded_messages import (
     TransformStampedMessage,
 )
 from omniservo.recording.topics import TYPES
+from omniservo.ros_messages import definition, encode
 from omniservo.ros_messages.messages import (
     HeaderMessage,
     ImageMessage,
@@ -99,6 +101,21 @@ def test_what_is_read_is_what_was_written_in_that_order(file, messages):
     assert [entry.topic for entry in entries[2:]] == list(messages)
     assert all(same(messages[entry.topic], entry.message) for entry in entries[2:])
     np.testing.assert_allclose([e.time for e in entries[2:]], 1.5 + 0.1 * np.arange(len(messages)), atol=1e-9)
+
+
+def test_topics_of_others_are_passed_over(tmp_path):
+    with (tmp_path / "a.mcap").open("wb") as stream:
+        writer = Writer(stream)
+        writer.start(profile="ros2", library="another")
+        schema = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data\n")
+        channel = writer.register_channel("/chatter", "cdr", schema)
+        writer.add_message(channel, 10, b"\0\1\0\0\2\0\0\0a\0", 10)
+        kind = TYPES["/rosout"]
+        schema = writer.register_schema(kind.ros_type, "ros2msg", definition(kind).encode())
+        writer.add_message(writer.register_channel("/rosout", "cdr", schema), 20, encode(LogMessage()), 20)
+        writer.finish()
+    (entry,) = RecordedRun(tmp_path / "a.mcap")
+    assert (entry.topic, entry.time) == ("/rosout", pytest.approx(20e-9))
 
 
 def test_an_attachment_stands_behind_the_messages_before_it(tmp_path):

@@ -160,6 +160,15 @@ def test_a_length_beyond_the_end_is_refused_and_takes_no_memory(case, claimed):
         tracemalloc.stop()
 
 
+def test_a_truth_value_is_0_or_1():
+    region = messages.RegionOfInterestMessage(do_rectify=True)
+    raw = bytearray(encode(region))
+    assert decode(type(region), bytes(raw)).do_rectify is True
+    raw[-1] = 2
+    with pytest.raises(InputError, match=r"RegionOfInterest.do_rectify: 2 is no truth value; legal: 0, 1"):
+        decode(type(region), bytes(raw))
+
+
 def test_the_most_points_take_little_memory():
     """24 bytes make a trajectory point of five objects."""
     raw = encode(JointTrajectoryMessage())[:-4] + MOST_ITEMS.to_bytes(4, "little") + bytes(24 * MOST_ITEMS)
