@@ -143,6 +143,7 @@ def test_a_saved_estimate_comes_back_as_it_was(tmp_path, pixels, make_scene):
         ({"colour": 1}, "colour: unknown"),
         ({"seconds": -1.0}, "seconds"),
         ({"rms_px": float("inf")}, "rms_px"),
+        ({"noise_px": 10**400}, "noise_px"),
     ],
 )
 def test_a_broken_file_is_named_by_its_field(pixels, change, message):

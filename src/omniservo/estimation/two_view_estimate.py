@@ -320,7 +320,7 @@ def _read_array(value: Any, shape: tuple[int, ...], source: str) -> FloatArray:
     """Return an array of the shape, None read as NaN."""
     try:
         array = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise InputError(f"{source}: an array of numbers of shape {shape} is needed") from None
     if array.shape != shape and array.size + math.prod(shape) > 0:
         raise InputError(f"{source}: shape {array.shape} given; {shape} is needed")
