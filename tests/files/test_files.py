@@ -15,6 +15,7 @@ from omniservo.files import (
     python_class,
     read_document,
     whole_folder,
+    writable_folder,
     write_whole,
 )
 from omniservo.files.own_warnings import own_warnings
@@ -180,6 +181,13 @@ def test_a_folder_of_other_things_is_not_replaced_by_results_before_any_work(tmp
     ):
         pytest.fail("the work began")
     assert (folder / "task.yaml").read_text() == "mine"
+
+
+def test_a_folder_of_earlier_results_is_refused_before_any_work_without_force(tmp_path):
+    (tmp_path / "metrics.json").write_text("{}")
+    with pytest.raises(AlreadyExists):
+        writable_folder(tmp_path, "metrics.json")
+    writable_folder(tmp_path, "metrics.json", force=True)
 
 
 def test_what_is_no_file_is_not_replaced_by_one(tmp_path):

@@ -17,6 +17,7 @@ from omniservo.estimation import TwoViewEstimate
 from omniservo.files import MOST_YAML_VALUES, parse_document, read_document, read_text
 from omniservo.files.image_files import read_grey_image, read_image
 from omniservo.files.mesh_files import read_triangles
+from omniservo.files.ros_packages import RosPackages
 from omniservo.planning import Plan, PlanningProblem
 from omniservo.planning.obstacles.cloud_file import read_cloud
 from omniservo.robots import TrackingTube, load_arm
@@ -120,6 +121,23 @@ def test_the_name_of_a_solid_is_no_part_of_its_shape(name, tmp_path):
     vertices, triangles = read_triangles(tmp_path / "part.stl")
     assert vertices.tolist() == [[0, 0, 0], [1, 0, 0], [0, 1, 0]] * 2
     assert triangles.tolist() == [[0, 1, 2], [3, 4, 5]]
+
+
+def test_the_header_of_a_binary_stl_is_no_solid_s_name(tmp_path):
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], dtype="<f4")
+    record = bytes(12) + corners.tobytes() + bytes(2)
+    (tmp_path / "part.stl").write_bytes(b"solid part".ljust(80) + (1).to_bytes(4, "little") + record)
+    vertices, triangles = read_triangles(tmp_path / "part.stl")
+    assert vertices.tolist() == corners.tolist()
+    assert triangles.tolist() == [[0, 1, 2]]
+
+
+@pytest.mark.parametrize("name", ["..", ".", "", "a/b", "a\0b"])
+def test_a_package_is_named_by_a_folder_s_name(name, tmp_path):
+    (tmp_path / "robot").mkdir()
+    (tmp_path / "part.stl").write_text("solid\nendsolid\n")
+    with pytest.raises(InputError, match="legal: the name of a folder"):
+        RosPackages(tmp_path / "robot/arm.urdf").find("mesh", name, "part.stl")
 
 
 @pytest.mark.parametrize("reader", ["target", "hand-eye", "task"])
