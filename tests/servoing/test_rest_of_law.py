@@ -82,6 +82,22 @@ def test_within_limits_it_keeps_them_at_every_millisecond(begin, size):
     assert (rest.pace == 1.0) == (needed <= 1.002)
 
 
+@pytest.mark.parametrize("ramp", [0.3, 0.9])
+def test_how_far_a_slowed_law_exceeds_limits_is_told_where_its_clock_is_still_slowed_down(ramp):
+    """A place of low path speed is met within the ramp: what is exceeded there depends on the clock then."""
+    begin, pace = 1.1, 0.3
+    even, rest = RestOfLaw(LAW, begin), RestOfLaw(LAW, begin, pace=pace, ramp=ramp)
+    times = np.linspace(begin, begin + 12.0, 120_001)
+    for share in (0.3, 0.5, 0.8):
+        s, _ = rest(begin + share * ramp)
+        limits = PathLimits(
+            bent(0.5), [50.0], [50.0], path_speed=lambda w, s=s: np.where(np.abs(w - s) < 4e-3, 0.1, np.inf)
+        )
+        motion = even._motion()
+        told = rest._excess(limits.at(motion.s), motion)
+        assert told == pytest.approx(limits.excess(*rest.motion(times)), rel=0.06)
+
+
 @pytest.mark.parametrize("duration", [20.0, 60.0, 100.0])
 def test_a_long_law_is_slowed_down_no_harder_than_the_joints_may_brake(duration):
     law, speed = RestToRestLaw(duration), 3.75 / duration
