@@ -93,6 +93,18 @@ def test_time_optimal_law_is_within_three_percent_of_a_linear_programmes_bound(s
     assert TimeOptimalLaw(limited(joints)).duration > 0.97 * least
 
 
+def test_the_time_optimal_law_stands_before_it_begins_and_after_its_end():
+    law = TimeOptimalLaw(PathLimits(straight, [1.0], [4.0]))
+    for time, place in (
+        (-1.0, 0.0),
+        (-1e-9, 0.0),
+        (0.0, 0.0),
+        (law.duration, 1.0),
+        (law.duration + 1.0, 1.0),
+    ):
+        assert law(time) == (place, 0.0)
+
+
 def test_motion_of_the_time_optimal_law_at_many_times_is_that_at_each():
     law = TimeOptimalLaw(PathLimits(straight, [1.0], [4.0]))
     times = np.linspace(0.0003, law.duration + 0.1, 223)
