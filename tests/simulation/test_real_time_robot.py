@@ -158,7 +158,8 @@ def test_a_camera_of_too_many_pixels_is_refused_before_anything_is_served(scene)
         RealTimeRobot(replace(scene, camera=camera_from_dict(large)))
 
 
-def test_exposures_are_forgotten_once_a_later_frame_is_delivered(opened):
+def test_frames_that_nobody_asks_for_and_their_exposures_are_forgotten(opened):
     robot = opened(rendered=False, sensor={"rate": 200.0})
     until(lambda: len(robot._numbers) > 20)
     assert len(robot._robot._exposed) < 15  # those of the latency, and of the thread's rounds
+    assert len(robot._waiting) < 15

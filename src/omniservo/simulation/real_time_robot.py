@@ -103,9 +103,7 @@ class RealTimeRobot:
         if self._failure:
             raise InvalidData(self._failure)
         with self._lock:
-            due = time.monotonic() - self._scene.sensor.latency
-            while self._waiting and self._waiting[0].time <= due:
-                self._picture = self._waiting.popleft()
+            self._let_arrive()
             return self._picture
 
     def command(self, joint_velocities: npt.ArrayLike) -> None:
@@ -202,3 +200,9 @@ class RealTimeRobot:
         with self._lock:
             self._numbers.append(exposure.noise[1])
             self._waiting.append(image)
+            self._let_arrive()  # nobody may ask
+
+    def _let_arrive(self) -> None:
+        due = time.monotonic() - self._scene.sensor.latency
+        while self._waiting and self._waiting[0].time <= due:
+            self._picture = self._waiting.popleft()
