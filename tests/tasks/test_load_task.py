@@ -482,6 +482,20 @@ def test_targets_of_as_many_features_differ_by_their_distances():
     assert target.unlike(target.model_copy(update={"dots": (*rest, first)})) == ""
 
 
+def test_the_order_of_tags_and_faces_makes_no_other_target():
+    tag = load_task("panda-table").target
+    tags = tag.tags.panels[0]
+    both = tuple(tags.model_copy(update={"id": number}) for number in (4, 7))
+    target, turned = (
+        tag.model_copy(update={"tags": tag.tags.model_copy(update={"panels": panels})})
+        for panels in (both, both[::-1])
+    )
+    assert target.unlike(turned) == ""
+    faces = load_task("textured-object").target
+    assert len(faces.textures) > 1
+    assert faces.unlike(faces.model_copy(update={"textures": faces.textures[::-1]})) == ""
+
+
 def test_a_goal_of_the_first_format_is_read(tmp_path):
     path = tmp_path / "goal.json"
     goal().save(path)

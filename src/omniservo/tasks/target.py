@@ -127,9 +127,10 @@ class TargetSection(Framed):
     @property
     def _shown(self) -> str:
         if self.tags is not None:
-            return f"tags {', '.join(str(tag.id) for tag in self.tags.panels)} of {self.tags.dictionary}"
+            ids = sorted(tag.id for tag in self.tags.panels)
+            return f"tags {', '.join(map(str, ids))} of {self.tags.dictionary}"
         if self.textures:
-            return ", ".join(f"{face.kind} {face.seed}" for face in self.textures)
+            return ", ".join(sorted(f"{face.kind} {face.seed}" for face in self.textures))
         return f"{len(self.dots)} dots"
 
     @property
