@@ -9,6 +9,7 @@ import cv2
 import mujoco
 import numpy as np
 import pytest
+from PIL import Image, PngImagePlugin
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo import UnifiedCamera, render
@@ -206,6 +207,30 @@ def test_points_of_a_mesh_lie_in_its_texture_where_its_faces_say(scene):
     stated = model.mesh_texcoord[begin + model.mesh_facetexcoord[: len(faces)]]
     expected = np.einsum("fpk,fkj->fpj", shares, stated.astype(float)).reshape(-1, 2)
     np.testing.assert_allclose(mesh_coordinates(model, mesh, points), expected, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("said", "grey"), [(None, 120), (b"\0", round(255 * ((120 / 255 + 0.055) / 1.055) ** 2.4))]
+)
+def test_a_texture_that_says_that_it_is_srgb_is_made_linear_as_mujoco_makes_it(said, grey, tmp_path):
+    """Its own renderer shows 48 for 120 then."""
+    chunks = PngImagePlugin.PngInfo()
+    if said is not None:
+        chunks.add(b"sRGB", said)
+    Image.fromarray(np.full((8, 8, 3), 120, np.uint8)).save(tmp_path / "grey.png", pnginfo=chunks)
+    (tmp_path / "scene.xml").write_text(
+        """<mujoco><visual><headlight ambient="0 0 0" diffuse="0 0 0" specular="0 0 0"/></visual>
+        <asset><texture name="t" type="2d" file="grey.png"/><material name="m" texture="t"
+        emission="1"/></asset><worldbody><geom type="plane" size="9 9 1" material="m"/></worldbody></mujoco>"""
+    )
+    for model in (
+        load_scene_model(tmp_path / "scene.xml"),
+        mujoco.MjModel.from_xml_path(str(tmp_path / "scene.xml")),
+    ):
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
+        above = RigidTransform.from_components([0.0, 0.0, 2.0], Rotation.from_euler("x", 180, degrees=True))
+        assert (render(model, data, CAMERAS["perspective"], above).image == grey).all()
 
 
 def test_a_shape_hides_a_lamp_from_what_is_behind_it():

@@ -67,6 +67,16 @@ def read_grey_image(path: str | Path) -> ByteArray:
         return np.asarray(picture.convert("L"), dtype=np.uint8)
 
 
+def is_srgb(path: str | Path) -> bool:
+    """Return whether an image file itself says that its values are those of sRGB, as a PNG can.
+
+    Raises:
+        InputError: missing, not an image that can be read, or more than 10⁸ pixels.
+    """
+    with _opened(path) as picture:
+        return "srgb" in picture.info
+
+
 def image_size(path: str | Path) -> tuple[int, int]:
     """Return an image file's (width, height) [px]; its pixels are not decoded.
 

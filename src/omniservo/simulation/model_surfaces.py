@@ -19,6 +19,10 @@ _PLAIN = (0.5, 0.5, 0.0)
 _ROLE = int(mujoco.mjtTextureRole.mjTEXROLE_RGB)
 _2D, _CUBE = int(mujoco.mjtTexture.mjTEXTURE_2D), int(mujoco.mjtTexture.mjTEXTURE_CUBE)
 _SKYBOX = int(mujoco.mjtTexture.mjTEXTURE_SKYBOX)
+_SRGB = int(mujoco.mjtColorSpace.mjCOLORSPACE_SRGB)
+_GREYS = np.arange(256) / 255.0
+_OF_SRGB = np.where(_GREYS <= 0.04045, _GREYS / 12.92, ((_GREYS + 0.055) / 1.055) ** 2.4)
+"""linear values of 8 bit: IEC 61966-2-1"""
 _KINDS = mujoco.mjtGeom
 _IN_METRES = (_KINDS.mjGEOM_PLANE, _KINDS.mjGEOM_HFIELD, _KINDS.mjGEOM_MESH)
 """what MuJoCo draws point by point; the others are unit shapes that it stretches"""
@@ -128,12 +132,17 @@ class ModelSurfaces:
         return colours
 
     def _image(self, texture: int) -> FloatArray:
-        """Return a texture (height, width, 3) in [0, 1]; one with grey alone has it three times."""
+        """Return a texture (height, width, 3) in [0, 1]; one with grey alone has it three times.
+
+        A flat one of sRGB is made linear, as MuJoCo does, which takes those of cubes as they are.
+        """
         model = self._model
         height, width = int(model.tex_height[texture]), int(model.tex_width[texture])
         parts, begin = int(model.tex_nchannel[texture]), int(model.tex_adr[texture])
         values = model.tex_data[begin : begin + height * width * parts].reshape(height, width, parts)
-        return (values[..., :3] if parts >= 3 else np.repeat(values[..., :1], 3, axis=-1)) / 255.0
+        is_srgb = model.tex_type[texture] == _2D and model.tex_colorspace[texture] == _SRGB
+        image: FloatArray = (_OF_SRGB if is_srgb else _GREYS)[values[..., :3]]
+        return image if parts >= 3 else np.repeat(image[..., :1], 3, axis=-1)
 
 
 def _of(values: Any, materials: IntArray, otherwise: Any) -> Any:

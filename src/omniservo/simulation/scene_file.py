@@ -14,11 +14,11 @@ from typing import Any
 from xml.etree import ElementTree as ET
 
 import mujoco
-from PIL import Image
+from PIL import Image, PngImagePlugin
 
 from omniservo.errors import InputError, spelled
 from omniservo.files import read_text
-from omniservo.files.image_files import read_image
+from omniservo.files.image_files import is_srgb, read_image
 from omniservo.files.xml_files import XmlElement, parse_elements
 from omniservo.robots.arm_files.includes import MOST_BYTES, expand_includes
 from omniservo.robots.arm_files.mesh_assets import MeshAssets, file_near
@@ -165,10 +165,13 @@ class _SceneFile:
         """Read an image within bounds and hand it on as PNG; return its name."""
         place = f"{self._fields.place(element)}: {attribute}"
         reference = str(Path(folder) / self._fields.text(element, attribute))
-        image = read_image(file_near(place, reference, self._file.resolve().parent))
+        file = file_near(place, reference, self._file.resolve().parent)
+        image, said = read_image(file), PngImagePlugin.PngInfo()
+        if is_srgb(file):  # MuJoCo makes its values linear
+            said.add(b"sRGB", b"\0")
         self._count(element, *image.shape[:2])
         stream, name = io.BytesIO(), f"image{len(self._pictures)}.png"
-        Image.fromarray(image).save(stream, "PNG")
+        Image.fromarray(image).save(stream, "PNG", pnginfo=said)
         self._pictures[name] = stream.getvalue()
         return name
 
