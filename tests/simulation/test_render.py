@@ -221,7 +221,8 @@ def test_a_texture_that_says_that_it_is_srgb_is_made_linear_as_mujoco_makes_it(s
     (tmp_path / "scene.xml").write_text(
         """<mujoco><visual><headlight ambient="0 0 0" diffuse="0 0 0" specular="0 0 0"/></visual>
         <asset><texture name="t" type="2d" file="grey.png"/><material name="m" texture="t"
-        emission="1"/></asset><worldbody><geom type="plane" size="9 9 1" material="m"/></worldbody></mujoco>"""
+        emission="1"/></asset><worldbody><geom type="plane" size="9 9 1" material="m"/></worldbody>
+        </mujoco>"""
     )
     for model in (
         load_scene_model(tmp_path / "scene.xml"),
@@ -231,6 +232,23 @@ def test_a_texture_that_says_that_it_is_srgb_is_made_linear_as_mujoco_makes_it(s
         mujoco.mj_forward(model, data)
         above = RigidTransform.from_components([0.0, 0.0, 2.0], Rotation.from_euler("x", 180, degrees=True))
         assert (render(model, data, CAMERAS["perspective"], above).image == grey).all()
+
+
+@pytest.mark.parametrize("kind", ["spot", "point"])
+def test_light_fades_with_the_distance_as_stated(kind):
+    for height in (0.5, 1.0, 2.0):
+        model = mujoco.MjModel.from_xml_string(
+            f"""<mujoco><visual><headlight active="0"/></visual><worldbody>
+            <light type="{kind}" pos="0 0 {height}" dir="0 0 -1" attenuation="0.5 0.4 0.3" diffuse="1 1 1"
+              specular="0 0 0" castshadow="false"/>
+            <geom type="plane" size="3 3 .1" rgba="0.5 0.5 0.4 1"/></worldbody></mujoco>"""
+        )
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
+        above = RigidTransform.from_components([0.0, 0.0, 3.0], Rotation.from_euler("x", 180, degrees=True))
+        seen = render(model, data, UnifiedCamera(90, 90, 80, 60, 0.0, 161, 121), above).image[60, 80]
+        share = 1.0 / (0.5 + 0.4 * height + 0.3 * height**2)
+        np.testing.assert_allclose(seen, 255 * np.minimum(share * np.array([0.5, 0.5, 0.4]), 1.0), atol=1)
 
 
 def test_a_shape_hides_a_lamp_from_what_is_behind_it():
