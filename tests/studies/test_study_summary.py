@@ -57,7 +57,7 @@ def test_collisions_are_counted_of_the_rows_with_an_obstacle(undisturbed):
 
 def test_two_equal_studies_do_not_differ(undisturbed):
     for found in compare_studies(rows_of(undisturbed), rows_of(undisturbed)):
-        assert set(found.rates) == set(RATES)
+        assert set(found.rates) == set(RATES) == {"success", *found.to_dict()["rates"]}
         for rate in found.rates.values():
             low, high = rate.interval
             assert low <= 0.0 <= high or not rate.before.of
