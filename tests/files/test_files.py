@@ -88,6 +88,15 @@ def test_of_two_that_write_one_file_at_once_the_second_is_told(tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["plan.json", "source"]
 
 
+def test_a_file_is_written_whole_where_the_disk_has_no_links(tmp_path, monkeypatch):
+    def refused(*of):
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr(os, "link", refused)
+    write_whole(tmp_path / "plan.json", "one")
+    assert [path.read_text() for path in tmp_path.iterdir()] == ["one"]
+
+
 def test_an_interrupted_folder_leaves_nothing_and_keeps_the_old_one(tmp_path):
     folder = tmp_path / "out"
     with whole_folder(folder, "a") as work:
