@@ -42,6 +42,19 @@ def test_a_margin_larger_than_the_way_from_the_axis_to_an_edge_is_verified():
     assert verify_plan(planned).status == "certified", verify_plan(planned).reasons
 
 
+@pytest.mark.parametrize(
+    ("xi", "angle"), [(0.0, np.pi / 2 - 1e-9), (0.0, 1.7), (0.8, 2.6), (1.0, np.pi)], ids=str
+)
+def test_a_largest_angle_that_ends_beyond_the_image_is_verified(xi, angle):
+    """At the domain's end its circle is infinite on the plane: a margin of ∞ px was never proven."""
+    lens = {**FE185, "fx": 300.0 * (1.0 + xi), "fy": 300.0 * (1.0 + xi), "xi": xi, "max_angle": angle}
+    goal = {"translation": [0.05, 0.02, 0.1], "quaternion": [0, 0, 0, 1]}
+    points = [[x, y, 0.6] for x in (-0.1, 0.1) for y in (-0.1, 0.1)]
+    planned = plan_path(PlanningProblem.from_dict(problem(camera=lens, points=points, goal=goal)))
+    assert planned.status == "certified", planned.reason
+    assert verify_plan(planned).status == "certified", verify_plan(planned).reasons
+
+
 def test_random_problems_are_answered_alike():
     rng = np.random.default_rng(3)
     agreed = {"certified": 0, "infeasible": 0}

@@ -35,6 +35,9 @@ TIGHTER_PX = 3e-7
 """Plans are searched with limits so much further inward: more than proving the margin 0 needs."""
 
 
+_BEYOND_IMAGE = 10.0
+"""Circles end at so many times the image's farthest corner."""
+
 COARSE = 1e-4
 """Margins about bodies are claimed so much below the smallest seen [m]: closer takes more planes."""
 
@@ -214,12 +217,23 @@ def _clouds(problem: PlanningProblem) -> tuple[FloatArray, BallTree]:
 
 
 def optics_of(problem: PlanningProblem) -> FloatArray:
-    """Return the ``optics`` of `margins.path_margins`."""
+    """Return the ``optics`` of `margins.path_margins`.
+
+    A circle beyond the whole image is drawn in: its margin is a finite number, whose digits tell 1e-7 px.
+    """
     camera = problem.camera
     angle = camera.max_angle
     radius = math.inf if angle is None else radius_of_angle(camera.xi, angle)
+    radius = min(radius, _BEYOND_IMAGE * _farthest_corner(camera))
     domain = math.acos(model_domain(camera.xi)[0])
     return np.array([camera.xi, radius, smallest_scale(camera), problem.image_margin, domain])
+
+
+def _farthest_corner(camera: UnifiedCamera) -> float:
+    """Return the largest ‖m‖ of the image's corners, before distortion."""
+    u, v = np.array([-0.5, camera.width - 0.5]), np.array([-0.5, camera.height - 0.5])
+    corners = np.array([[a, b, 1.0] for a in u for b in v])
+    return float(np.linalg.norm(np.linalg.solve(camera.matrix, corners.T)[:2], axis=0).max())
 
 
 def entries_of(problem: PlanningProblem, limits: ImageLimits, ell: float) -> list[Entry]:
