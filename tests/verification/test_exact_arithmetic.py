@@ -118,6 +118,14 @@ def test_branches_that_meet_in_one_point_hold_together():
     assert decide([[1, -3], [-2, 3]], [[0], [1]]).verdict == "violated"
 
 
+def test_a_gap_between_two_branches_is_found_however_small():
+    """w <= 1/3 or w >= 1/3 + 2^-60: each alone changes its sign once on a piece of 2^-40."""
+    begin, end = Fraction(1, 3), Fraction(1, 3) + Fraction(1, 2**60)
+    found = decide([integers(begin, Fraction(-1)), integers(-end, Fraction(1))], [[0], [1]])
+    assert found.verdict == "violated"
+    assert begin < found.w < end
+
+
 def test_zero_polynomial_holds_but_not_strictly():
     assert nonnegative([0, 0, 0]) == HOLDS
     assert decide([[0, 0]], [[0]], strict=True).verdict == "violated"

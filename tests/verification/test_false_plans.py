@@ -197,6 +197,16 @@ def test_point_on_the_rim_of_the_domain_is_outside():
     refuted(plan(asked, way, dict.fromkeys(names, -10.0)), "domain")
 
 
+def test_no_point_is_farther_inside_the_domain_than_the_axis_is():
+    asked = problem(camera=camera("perspective"), points=[[0.0, 0.0, 0.5]], obstacles=[])
+    asked["goal"] = {"translation": [0.0, 0.0, 0.1], "quaternion": [0.0, 0.0, 0.0, 1.0]}
+    way = path(asked)
+    margins = {name: m - slack(m) for name, (m, _, _) in true_margins(asked, way).items()}
+    assert verify_plan(plan(asked, way, margins)).status == "certified"
+    for more in (1e-9, 0.1, 1.6, 3.2):
+        refuted(plan(asked, way, {**margins, "domain": np.pi / 2 + more}), "domain")
+
+
 def test_path_that_swings_out_of_view_between_its_ends_is_refuted():
     asked = problem(camera=camera("perspective"), obstacles=[], points=ridge(center=(0.0, 0.0, 0.8)))
     asked["goal"]["translation"] = [0.05, 0.0, 0.0]
