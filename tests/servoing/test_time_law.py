@@ -35,6 +35,12 @@ def test_parameter_starts_at_zero_never_decreases_and_never_exceeds_one(law):
     assert values.max() <= 1.0
 
 
+def test_rest_to_rest_does_not_exceed_one_by_rounding_either():
+    law, times = RestToRestLaw(3.0), 3.0 * (1.0 - np.logspace(-7, -1, 2000))
+    assert max(law(time)[0] for time in times) <= 1.0
+    assert law.motion(times)[0].max() <= 1.0
+
+
 @pytest.mark.parametrize("law", LAWS)
 def test_nothing_moves_before_the_start(law):
     assert law(-0.02) == (0.0, 0.0)
