@@ -123,6 +123,14 @@ def test_one_joint_that_only_accelerates_and_brakes_takes_the_closed_form():
     assert trapezoid.duration == pytest.approx(1.0 + 1.0 / 4.0, rel=1e-3)
 
 
+def test_a_path_speed_slows_the_time_optimal_law_down_where_it_asks_for_it_alone():
+    """ẇ ≤ 0.25 on the last half, 1 before: a ramp of 1/4 s, a brake of 3/16 s, a slow half, a last brake."""
+    limits = PathLimits(straight, [1.0], [4.0], lambda w: np.where(w < 0.5, 1.0, 0.25))
+    fast = 1.0 / 4.0 + 0.75 / 4.0 + (0.5 - 1.0 / 8.0 - (1.0 - 0.0625) / 8.0)
+    slow = 0.25 / 4.0 + (0.5 - 0.0625 / 8.0) / 0.25
+    assert TimeOptimalLaw(limits).duration == pytest.approx(fast + slow, rel=2e-3)
+
+
 def straight(w, order=0):
     return np.full((len(w), 1), 1.0 if order == 1 else 0.0)
 

@@ -60,6 +60,15 @@ def test_it_stands_from_the_end_of_slowing_until_it_is_resumed_and_is_right_agai
     assert law.finished(3.0 + lag + 1e-6)
 
 
+def test_a_pause_begins_and_ends_at_its_own_times_whatever_was_lost_in_one_before():
+    law = LAWS[2]
+    for begin, end in ((0.9, 1.7), (1.9, 2.6)):
+        assert law(begin)[1] == law(end)[1] == 0.0
+        assert law(begin)[0] == law(end)[0]
+        assert law(begin - 0.01)[1] > 0.0
+        assert law(end + 0.01)[1] > 0.0
+
+
 def test_a_pause_that_no_one_ends_is_the_end():
     law = PausedLaw(LAW, (Pause(1.0, 0.2),))
     assert not law.finished(1.19)

@@ -125,6 +125,15 @@ def test_rests_of_rests_that_go_on_do_not_pile_up():
     assert rest == RestOfLaw(LAW, 2.0)
 
 
+def test_the_rest_of_a_slowed_rest_is_as_slow():
+    slowed = RestOfLaw(LAW, 0.8, pace=0.5)
+    rest = RestOfLaw.within(slowed, 1.4, None)
+    assert rest.law is slowed
+    done, speed = slowed(2.0)
+    begun = slowed(1.4)[0]
+    assert rest(2.0) == pytest.approx(((done - begun) / (1.0 - begun), speed / (1.0 - begun)))
+
+
 def test_a_law_that_is_over_and_numbers_that_are_none_are_refused():
     with pytest.raises(InputError, match="begin: 3 s given; the law has reached w = 1"):
         RestOfLaw(LAW, 3.0)
