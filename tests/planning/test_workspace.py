@@ -55,6 +55,24 @@ def test_a_half_space_of_the_workspace_is_decided_on_either_side_of_the_truth():
             assert verify_plan(claimed).status == expected
 
 
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"workspace": {"min": [-1.0, -1.0, 0.0], "max": [1.0, 1.0, 1.0]}}, "workspace z min"),
+        ({"workspace": {"min": [-1.0, -1.0, -1.0], "max": [0.2, 1.0, 1.0]}}, "workspace x max"),
+        (
+            {"obstacles": [{"type": "sphere", "center": [-0.5, 0.0, 0.0], "radius": 0.5}]},
+            "clearance obstacle 0",
+        ),
+    ],
+)
+def test_an_end_pose_that_just_meets_a_constraint_is_named(changes, says):
+    plan = plan_path(problem(**changes))
+    assert plan.status == "not_found"
+    pose = "goal" if "max" in says else "start"
+    assert re.search(rf"fails {says}: .*; the {pose} pose just meets it, .* leave it room$", plan.reason)
+
+
 def test_a_path_that_the_straight_line_leaves_is_found_inside(look):
     sphere = [{"type": "sphere", "center": [0.1, 0.0, 0.05], "radius": 0.05}]
     half_spaces = [

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
-from omniservo.planning.certificate.certificate import UNSEEN_PX
+from omniservo.planning.certificate.certificate import UNSEEN_PX, ConstraintMargin
 from omniservo.planning.certificate.margins import pose_margins
 from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.planning.problem_arrays import Entry, constraint_table_of
@@ -49,6 +49,16 @@ def violations_at_end(problem: PlanningProblem) -> tuple[int, list[tuple[float, 
         if violated:
             return w, violated
     return 0, []
+
+
+def just_met_at(problem: PlanningProblem, constraint: ConstraintMargin) -> str:
+    """Return "start" or "goal", where that pose leaves nothing of a constraint but for rounding; else ""."""
+    entries, at_ends = margins_at_ends(problem)
+    for pose, found in zip(("start", "goal"), at_ends, strict=True):
+        for entry, (margin, _) in zip(entries, found, strict=True):
+            if constraint.name.split(" (point")[0] == entry.name and abs(margin) <= _NOISE[entry.unit]:
+                return pose
+    return ""
 
 
 def margins_at_ends(problem: PlanningProblem) -> tuple[list[Entry], FloatArray]:

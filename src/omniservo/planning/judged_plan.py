@@ -6,6 +6,7 @@ import time
 
 from omniservo.planning.camera_path import CameraPath
 from omniservo.planning.certificate.certify import certified_but_for
+from omniservo.planning.end_poses import just_met_at
 from omniservo.planning.plan import Plan, Status
 from omniservo.planning.planning_problem import PlanningProblem
 
@@ -29,6 +30,9 @@ def judged_plan(
     if missing is not None:  # the certificate's worst may be one that is proven and just met
         left = "no pixel" if missing.is_unseen else f"{missing.margin:.6g} {missing.unit} left"
         where = f"{missing.name}: {left} at w = {missing.w:.4f}"
+        pose = just_met_at(problem, missing)
+        if pose:
+            where += f"; the {pose} pose just meets it, and what is just met is not proven: leave it room"
         if looked and not (verdict == "undecided" and problem.camera.is_distorted):
             status = "not_found"
             note = f"{looked}; the best attempt fails {where}"
