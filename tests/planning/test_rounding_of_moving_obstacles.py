@@ -1,4 +1,4 @@
-"""What is proven of moving obstacles allows for rounding: no claim is above the truth in exact arithmetic."""
+"""What is proven of what moves or is far away allows for rounding: no claim is above the exact truth."""
 
 from fractions import Fraction
 
@@ -9,6 +9,7 @@ from omniservo.geometry.polynomial import bernstein_from_power, magnitude
 from omniservo.geometry.subdivision import PROVEN
 from omniservo.planning.constraints.free_side import prove_free_side
 from omniservo.planning.constraints.motion import point_from_body, seen_from_body
+from omniservo.planning.constraints.workspace import prove_wall
 
 LARGE = 1e6
 
@@ -47,6 +48,39 @@ def test_no_half_space_is_proven_by_an_ulp_more_than_the_truth():
         assert prove_free_side(path, largest, plane, float(above))[0] != PROVEN
         proven += prove_free_side(path, largest, plane, float(truth) - 1e-3)[0] == PROVEN
     assert proven > 20, "and where a millimetre is left it often is proven: the gap may be least elsewhere"
+
+
+def test_no_half_space_far_from_the_origin_is_proven_by_an_ulp_more_than_the_truth():
+    """A way of 10⁶ m within 10⁻⁶ of along the plane: what is left is what the products of n·t cancel to."""
+    rng, proven = np.random.default_rng(13), 0
+    for _ in range(300):
+        way, normal = LARGE * rng.normal(size=(2, 3)) / 3.0
+        normal -= way * (normal @ way) / (way @ way)
+        normal = normal / np.linalg.norm(normal) - 1e-6 * rng.random() * way / np.linalg.norm(way)
+        translation = np.column_stack([way, np.zeros(3)])
+        truth = sum(Fraction(float(n)) * Fraction(float(t)) for n, t in zip(normal, way, strict=True))
+        above = np.nextafter(float(truth), np.inf)
+        path, size = bernstein_from_power(translation), magnitude(translation)
+        for margin, stands in ((above, False), (float(truth) - 1e-7, True)):
+            found = prove_free_side(path, size, np.array([*normal, margin, 0.0, -1.0]), 0.0)[0]
+            assert stands or found != PROVEN
+            proven += found == PROVEN
+    assert proven == 300
+
+
+def test_no_wall_far_from_the_origin_is_proven_by_an_ulp_more_than_the_truth():
+    """A way of 10⁵ m out and back to a millimetre behind its start, where it comes nearest to the wall."""
+    rng, proven = np.random.default_rng(14), 0
+    for _ in range(300):
+        size, bend = LARGE * rng.uniform(0.5, 1.0), rng.uniform(-0.5, 2.0)
+        powers = np.array([[-size * bend, size * (bend - 1.0), size - 1e-3, 0.0]] * 3)
+        truth = sum(map(Fraction, powers[0].tolist()))
+        controls, size = bernstein_from_power(powers), magnitude(powers)
+        for bound, stands in ((np.nextafter(float(truth), np.inf), False), (float(truth) - 1e-7, True)):
+            found = prove_wall(controls, size, 0, 0, bound)[0]
+            assert stands or found != PROVEN
+            proven += found == PROVEN
+    assert proven == 300
 
 
 @pytest.mark.parametrize("index", [0.0, -1.0])
