@@ -139,6 +139,27 @@ def test_another_spelling_of_the_same_problem_is_no_difference(case):
     assert verify_plan(case, problem={**meant, "clearance": 0.7}).differences == ()
 
 
+CUBE = [[x, y, z] for x in (0.1, 0.3) for y in (0.3, 0.5) for z in (0.0, 0.2)]
+
+
+@pytest.mark.parametrize(
+    ("more", "same"),
+    [
+        (CUBE, True),
+        ([[0.2, 0.4, 0.1], [0.1, 0.33, 0.17]], True),  # inside, on a face
+        ([[0.2, 0.4, 0.2 + 1e-11]], False),
+        ([[0.4, 0.4, 0.1]], False),
+    ],
+)
+def test_vertices_inside_a_meshs_hull_need_not_stand_in_the_plan(case, more, same):
+    plan = changed(case, ("problem", "obstacles"), [{"type": "mesh", "vertices": CUBE}])
+    meant = changed(plan["problem"], ("obstacles", 0, "vertices"), more + CUBE)
+    assert (verify_plan(plan, problem=meant).differences == ()) == same
+    # what the plan has beyond what is meant is a difference wherever it lies
+    other = verify_plan(changed(plan, ("problem",), meant), problem=plan["problem"])
+    assert (other.differences == ()) == (more is CUBE)
+
+
 def test_many_differences_are_all_held_and_the_first_are_said(case):
     meant = copy.deepcopy(case["problem"])
     meant["points"] += [[0.0, 0.0, 0.5 + 0.001 * k] for k in range(70)]

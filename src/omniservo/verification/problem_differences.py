@@ -1,10 +1,13 @@
 """What a plan's problem says otherwise than the problem that was meant, field by field."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from fractions import Fraction
 from math import hypot
 from typing import Any, NamedTuple
 
-from omniservo.verification.fields import BEYOND_FLOATS, shown
+from omniservo.verification.fields import BEYOND_FLOATS, Fields, shown
+from omniservo.verification.mesh import Mesh
+from omniservo.verification.obstacles import obstacle
 
 _PROBLEM = {
     "clearance": 0,
@@ -27,6 +30,8 @@ _WORKSPACE: dict[str, Any] = {"min": None, "max": None, "half_spaces": []}
 _DEGREES = {"rotation": 2, "translation": 2}
 _DIRECTIONS = ("quaternion", "normal")
 _SAME_DIRECTION = 1e-12
+_SAME_HULL = Fraction(1, 10**12)
+"""of the largest coordinate"""
 
 
 class Difference(NamedTuple):
@@ -47,6 +52,7 @@ def problem_differences(plan: Mapping[str, Any], meant: Mapping[str, Any]) -> tu
 
     Numbers are compared exactly, quaternions and normals as the rotations and directions that they mean,
     within 1e-12. A field that is left out has its default, and an obstacle without a clearance the problem's.
+    Of a mesh the plan may leave out vertices that lie inside the hull of the others.
     """
     problems = _written_out(plan), _written_out(meant)
     if any(problem["obstacles"] for problem in problems):
@@ -77,7 +83,7 @@ def _differences(where: str, plan: Any, meant: Any) -> Iterator[Difference]:
     if isinstance(plan, Mapping) and isinstance(meant, Mapping) and plan.get("type") == meant.get("type"):
         for name in dict.fromkeys((*plan, *meant)):
             place = f"{where}.{name}" if where else str(name)
-            if not (name in _DIRECTIONS and _same_direction(name, plan.get(name), meant.get(name))):
+            if not _mean_the_same(place, plan.get(name), meant.get(name)):
                 yield from _differences(place, plan.get(name), meant.get(name))
     elif _holds_parts(plan) and _holds_parts(meant):
         for i in range(max(len(plan), len(meant))):
@@ -94,6 +100,25 @@ def _holds_parts(value: Any) -> bool:
 
 def _plain(value: Any) -> Any:
     return list(value) if isinstance(value, tuple) else value
+
+
+def _mean_the_same(place: str, plan: Any, meant: Any) -> bool:
+    """True where two values of a field are other numbers for the same direction or mesh."""
+    name = place.rpartition(".")[2]
+    if name == "vertices" and place.startswith("obstacles["):
+        return _same_hull(plan, meant)
+    return name in _DIRECTIONS and _same_direction(name, plan, meant)
+
+
+def _same_hull(plan: Sequence[Any], meant: Sequence[Any]) -> bool:
+    """True where all vertices of the plan are meant, and its hull holds those that it lacks within 1e-12."""
+    has, wanted = ({tuple(vertex) for vertex in vertices} for vertices in (plan, meant))
+    if not has <= wanted:
+        return False
+    hull = obstacle(Fields({"type": "mesh", "vertices": plan}, "problem"), Fraction(0))
+    reach = _SAME_HULL * max(abs(Fraction(x)) for vertex in wanted for x in vertex)
+    lacking = (tuple(map(Fraction, vertex)) for vertex in wanted - has)
+    return isinstance(hull, Mesh) and all(hull.nearer(vertex, reach) for vertex in lacking)
 
 
 def _same_direction(name: str, plan: Any, meant: Any) -> bool:
