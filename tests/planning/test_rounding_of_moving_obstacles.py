@@ -4,12 +4,22 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import RigidTransform
 
+from omniservo.cameras import preset
 from omniservo.geometry.polynomial import bernstein_from_power, magnitude
 from omniservo.geometry.subdivision import PROVEN
+from omniservo.planning import Capsule, PlanningProblem
+from omniservo.planning.bernstein_path import squares
+from omniservo.planning.body_arrays import bodies_of, hulls_of
+from omniservo.planning.constraints.cloud import prove_off_cloud
+from omniservo.planning.constraints.collision import prove_outside_ball
 from omniservo.planning.constraints.free_side import prove_free_side
 from omniservo.planning.constraints.motion import point_from_body, seen_from_body
+from omniservo.planning.constraints.occlusion import prove_clear_sights
+from omniservo.planning.constraints.separation import separate
 from omniservo.planning.constraints.workspace import prove_wall
+from omniservo.planning.obstacles.ball_tree import ball_tree
 
 LARGE = 1e6
 
@@ -81,6 +91,44 @@ def test_no_wall_far_from_the_origin_is_proven_by_an_ulp_more_than_the_truth():
             assert stands or found != PROVEN
             proven += found == PROVEN
     assert proven == 300
+
+
+def far_ends(count):
+    """Paths that come straight towards a place 10⁵ m away as they end a metre before it, and just more."""
+    rng = np.random.default_rng(15)
+    for _ in range(count):
+        powers = np.column_stack([rng.uniform(-1e5, 1e5, (3, 2)), np.zeros(3)])
+        ahead = 2.0 * powers[:, 0] + powers[:, 1]
+        ahead /= np.linalg.norm(ahead)
+        place = powers.sum(axis=1) + ahead
+        ends = (sum(map(Fraction, row.tolist())) for row in powers)
+        squared = sum((t - Fraction(float(o))) ** 2 for t, o in zip(ends, place, strict=True))
+        more = float(squared) ** 0.5
+        while Fraction(more) ** 2 <= squared:
+            more = float(np.nextafter(more, np.inf))
+        yield powers, ahead, place, more
+
+
+def proofs_of_reach(powers, ahead, place):
+    """What decides whether a path stays so far from a place: a ball, a cloud, a rod, a ball by a sight."""
+    square, raised = squares(powers)
+    centre, size, behind = bernstein_from_power(powers), magnitude(powers), (place - 2e5 * ahead)[None]
+    asked = PlanningProblem(
+        preset("fe185"), behind, RigidTransform.identity(), (Capsule(place, place + ahead, 0.1),)
+    )
+    rod, hulls, tree = bodies_of(asked)[0], hulls_of(asked), ball_tree(place[None])
+    nothing, planes = np.empty((3, 0)), np.empty((0, 5))
+    yield lambda reach: prove_outside_ball(square, raised, size, place, reach)
+    yield lambda reach: prove_off_cloud(square, raised, size, *tree, reach)
+    yield lambda reach: separate(centre, size, nothing, rod, hulls, reach, planes)
+    yield lambda reach: prove_clear_sights(centre, size, behind, place, reach)
+
+
+def test_no_distance_far_from_the_origin_is_proven_by_an_ulp_more_than_the_truth():
+    for powers, ahead, place, more in far_ends(100):
+        for proof in proofs_of_reach(powers, ahead, place):
+            assert proof(more)[0] != PROVEN
+            assert proof(0.9 * more)[0] == PROVEN
 
 
 @pytest.mark.parametrize("index", [0.0, -1.0])
