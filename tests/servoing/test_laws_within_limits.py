@@ -114,6 +114,18 @@ def test_motion_of_the_time_optimal_law_at_many_times_is_that_at_each():
     np.testing.assert_allclose(growth, slopes, atol=1e-5)
 
 
+@pytest.mark.parametrize("size", [1e-2, 1e-3, 1e-4, 1e-6])
+@pytest.mark.parametrize("seed", range(4))
+def test_a_motion_of_milliradians_has_a_time_optimal_law_as_a_large_one_has(size, seed):
+    """Within accelerations alone the least time goes with the root of the way."""
+    joints = quintics(seed)
+    large = PathLimits(joints, 1e3 * SPEEDS, ACCELERATIONS)
+    small = PathLimits(lambda w, order: size * joints(w, order), 1e3 * SPEEDS, ACCELERATIONS)
+    law = TimeOptimalLaw(small)
+    assert law.duration == pytest.approx(np.sqrt(size) * TimeOptimalLaw(large).duration, rel=1e-2)
+    assert small.excess(*law.motion(np.linspace(0.0, law.duration, 5001))) <= 1.0 + 1e-9
+
+
 def test_one_joint_that_only_accelerates_and_brakes_takes_the_closed_form():
     """Of a way of 1 within |q̈| ≤ a and a speed that is never reached: 2/√a."""
     law = TimeOptimalLaw(PathLimits(straight, [100.0], [4.0]))

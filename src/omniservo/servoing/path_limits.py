@@ -44,6 +44,16 @@ class PathLimits:
                 f"limits: {len(self.speeds)} speeds and {len(self.accelerations)} accelerations given"
             )
 
+    def in_units(self, angle: float, time: float) -> PathLimits:
+        """Return the same limits with ``angle`` [rad] and ``time`` [s] in place of a radian and a second."""
+        joints, top, speed = self.joints, self.path_speed, time / angle
+        return PathLimits(
+            lambda w, order: joints(w, order) / angle,
+            speed * self.speeds,
+            time * speed * self.accelerations,
+            None if top is None else lambda w: time * top(w),
+        )
+
     def rates(self, w: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return dq/dw and d²q/dw² (m, n) at w (m,).
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
+from typing import TypeGuard
 
 import numpy as np
 
 from omniservo.errors import InputError, NoSolutionError
 from omniservo.geometry.arrays import FloatArray
 from omniservo.servoing.path_limits import PathLimits
+from omniservo.servoing.time_law import RestToRestLaw
 
 _STEPS = (400, 1600, 6400)
 """of constant ẅ; 400 cost a few tenths of a percent of time, more are for paths with sharp bends"""
@@ -99,14 +101,26 @@ def _fastest(limits: PathLimits, w: FloatArray) -> FloatArray:
     """Return the greatest ẇ (m,) [1/s] at w (m,) from rest to rest."""
     from omniservo.servoing.reachable_speeds import reachable_speeds  # loads pyplot
 
-    if not limits.rates(w)[0].any():
+    angle = float(np.abs(limits.rates(w)[0]).max())
+    if angle == 0.0:
         raise InputError("limits.joints: nothing moves, so no time is least")
     speeds = reachable_speeds(limits, w)
-    if speeds is None or (speeds[:-1] + speeds[1:]).min() <= 0.0:
+    if not _moves(
+        speeds
+    ):  # the library's tolerances are made for radians and seconds, not a hundredth of them
+        time = limits.excess(*RestToRestLaw(1.0).motion(np.linspace(0.0, 1.0, len(w))))
+        scaled = reachable_speeds(limits.in_units(angle, time), w)
+        speeds = None if scaled is None else scaled / time
+    if not _moves(speeds):
         raise NoSolutionError(
             "no time-optimal law found: joint speeds or accelerations out of all proportion"
         )
     return speeds
+
+
+def _moves(speeds: FloatArray | None) -> TypeGuard[FloatArray]:
+    """Tell whether there are speeds (m,) that come to the end."""
+    return speeds is not None and bool((speeds[:-1] + speeds[1:]).min() > 0.0)
 
 
 def _stretch(limits: PathLimits, w: FloatArray, speeds: FloatArray) -> float:
