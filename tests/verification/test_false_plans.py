@@ -76,6 +76,24 @@ def test_unknown_repeated_and_misnamed_lines_are_refused(honest):
     refuted(changed, "mm")
 
 
+def test_a_line_about_a_point_that_there_is_not_is_refused(honest):
+    points = len(honest["problem"]["points"])
+    for point, expected in ((points - 1, "certified"), (points, "refuted")):
+        changed = copy.deepcopy(honest)
+        line = next(c for c in changed["certificate"]["constraints"] if c["name"] == "domain")
+        line["name"] = f"domain (point {point})"
+        assert verify_plan(changed).status == expected
+
+
+@pytest.mark.parametrize("more", [1.0, 1e3, 1e9])
+def test_a_margin_beyond_the_whole_circle_of_the_largest_angle_is_refused(honest, more):
+    changed = copy.deepcopy(honest)
+    for line in changed["certificate"]["constraints"]:
+        if line["name"] == "visibility max_angle":
+            line["margin"] = 350.0 * more
+    refuted(changed, "visibility max_angle")
+
+
 @pytest.mark.parametrize("relative", [1e-3, 1e-6, 1e-9])
 def test_violation_planted_between_samples_is_found(relative):
     # t passes a sphere whose radius exceeds the true least distance by a relative 1e-9 for |w − w₀| < 3e-5.

@@ -173,6 +173,15 @@ def test_each_missing_separator_is_missed(honest):
     assert verify_plan(honest).status == "undecided"
 
 
+def test_planes_for_a_point_that_there_is_not_are_refused(honest):
+    separators = honest["certificate"]["separators"]
+    one = next(s for s in separators if s["constraint"].startswith("occlusion"))
+    for point in (len(honest["problem"]["points"]), -1):
+        changed = copy.deepcopy(honest)
+        changed["certificate"]["separators"].append({**copy.deepcopy(one), "point": point})
+        refuted(changed, "is no constraint of this problem")
+
+
 def test_changed_normals_are_refused(honest):
     count = len(longest(honest)["pieces"])
     for k in range(count):
