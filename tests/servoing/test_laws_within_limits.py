@@ -126,6 +126,22 @@ def test_a_motion_of_milliradians_has_a_time_optimal_law_as_a_large_one_has(size
     assert small.excess(*law.motion(np.linspace(0.0, law.duration, 5001))) <= 1.0 + 1e-9
 
 
+@pytest.mark.parametrize("order", [3, 5])
+@pytest.mark.parametrize("side", [0.0, 1.0])
+def test_joints_that_hardly_move_beside_an_end_take_no_longer_for_it(order, side):
+    """q = u^order, u = w or 1 − w: one way with other names for its places, as in the closed form below."""
+
+    def joints(w, derivative):
+        factor = order if derivative == 1 else order * (order - 1)
+        sign = 1.0 if derivative == 1 or side == 0.0 else -1.0
+        return (sign * factor * np.abs(w - side) ** (order - derivative))[:, None]
+
+    limits = PathLimits(joints, [100.0], [4.0])
+    law = TimeOptimalLaw(limits)
+    assert law.duration == pytest.approx(1.0, rel=0.04)
+    assert limits.excess(*law.motion(np.linspace(0.0, law.duration, 5001))) <= 1.0 + 1e-3
+
+
 def test_one_joint_that_only_accelerates_and_brakes_takes_the_closed_form():
     """Of a way of 1 within |q̈| ≤ a and a speed that is never reached: 2/√a."""
     law = TimeOptimalLaw(PathLimits(straight, [100.0], [4.0]))

@@ -14,6 +14,9 @@ from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, finite_array, frozen
 from omniservo.geometry.kernel import kernel
 
+HURRY = 30.0
+"""A path is nowhere run through faster than so many times its mean speed, if that is the unit."""
+
 
 @with_field_docs
 @dataclass(frozen=True, eq=False)
@@ -45,13 +48,16 @@ class PathLimits:
             )
 
     def in_units(self, angle: float, time: float) -> PathLimits:
-        """Return the same limits with ``angle`` [rad] and ``time`` [s] in place of a radian and a second."""
-        joints, top, speed = self.joints, self.path_speed, time / angle
+        """Return the same limits with ``angle`` [rad] and ``time`` [s] in place of a radian and a second.
+
+        ẇ is at most `HURRY` of these units: where the joints stand still, nothing else may bound it.
+        """
+        joints, top, speed = self.joints, self.top_path_speed, time / angle
         return PathLimits(
             lambda w, order: joints(w, order) / angle,
             speed * self.speeds,
             time * speed * self.accelerations,
-            None if top is None else lambda w: time * top(w),
+            lambda w: np.minimum(time * top(w), HURRY),
         )
 
     def rates(self, w: FloatArray) -> tuple[FloatArray, FloatArray]:

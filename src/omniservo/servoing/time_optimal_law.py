@@ -105,9 +105,8 @@ def _fastest(limits: PathLimits, w: FloatArray) -> FloatArray:
     if angle == 0.0:
         raise InputError("limits.joints: nothing moves, so no time is least")
     speeds = reachable_speeds(limits, w)
-    if not _moves(
-        speeds
-    ):  # the library's tolerances are made for radians and seconds, not a hundredth of them
+    if not _moves(speeds):
+        # The library's tolerances are absolute: again in units of the motion, nowhere in a great hurry.
         time = limits.excess(*RestToRestLaw(1.0).motion(np.linspace(0.0, 1.0, len(w))))
         scaled = reachable_speeds(limits.in_units(angle, time), w)
         speeds = None if scaled is None else scaled / time
