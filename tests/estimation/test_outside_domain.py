@@ -114,3 +114,51 @@ def test_most_outside_or_no_leaving_out_is_an_error_that_names_the_first():
     for call in (estimate_two_view, estimate_pose):
         with pytest.raises(InputError, match="at index 7 is outside"):
             call(CAMERA, points if call is estimate_pose else initial, goal)
+
+
+def repeated(rows, n=30):
+    """Places of n matches, of which ``rows`` stand three times more, shuffled."""
+    return np.random.default_rng(1).permutation(np.concatenate((np.arange(n), np.repeat(rows, 3))))
+
+
+@pytest.mark.parametrize("noise", [None, 0.1])
+def test_equal_matches_count_once(noise):
+    _, initial, goal = scene()
+    places = repeated([2, 5, 7])
+    first = np.array([np.flatnonzero(places == k)[0] for k in range(30)])
+    once = np.sort(first)
+    without = estimate_two_view(CAMERA, initial[places[once]], goal[places[once]], noise=noise)
+    found = estimate_two_view(CAMERA, initial[places], goal[places], noise=noise)
+    assert found.status == without.status == "ok"
+    np.testing.assert_array_equal(np.flatnonzero(found.inliers), once)
+    np.testing.assert_allclose(found.covariance, without.covariance)
+    np.testing.assert_allclose(found.points[once], without.points)
+
+
+def test_eight_matches_of_which_five_are_different_ones_are_not_sure():
+    _, initial, goal = scene()
+    rows = [0, 1, 2, 3, 4, 0, 0, 1]
+    found = estimate_two_view(CAMERA, initial[rows], goal[rows])
+    five = estimate_two_view(CAMERA, initial[:5], goal[:5])
+    assert (found.status, found.message) == (five.status, five.message)
+
+
+def test_a_scale_or_a_square_of_a_repeated_match_is_that_of_the_first():
+    _, initial, goal = scene()
+    places = np.concatenate((np.arange(30), [3, 20, 8, 9, 10, 11]))
+    squares = [[8, 9, 10, 11]]
+    want = estimate_two_view(CAMERA, initial, goal, noise=0.1, scale=((3, 20), 0.5))
+    found = estimate_two_view(CAMERA, initial[places], goal[places], noise=0.1, scale=((30, 31), 0.5))
+    np.testing.assert_allclose(found.initial_T_goal.as_matrix(), want.initial_T_goal.as_matrix())
+    want = estimate_two_view(CAMERA, initial, goal, noise=0.1, squares=squares)
+    both = [*squares, [32, 33, 34, 35]]
+    found = estimate_two_view(CAMERA, initial[places], goal[places], noise=0.1, squares=both)
+    np.testing.assert_array_equal(found.inliers[:30], want.inliers)
+    assert found.status == want.status
+
+
+def test_a_scale_between_equal_matches_is_refused():
+    _, initial, goal = scene()
+    places = [*range(30), 3]
+    with pytest.raises(InputError, match="points 3 and 30 have the same pixels"):
+        estimate_two_view(CAMERA, initial[places], goal[places], noise=0.1, scale=((3, 30), 0.5))

@@ -40,6 +40,17 @@ def test_the_first_answer_is_certified_for_the_whole_arm_by_the_planner(page):
     assert 'data-verdict="certified"' in page.shown.status.content
 
 
+def test_a_plan_that_is_said_just_as_waiting_for_it_ends_is_not_called_searched_for_again(page, monkeypatch):
+    settled(page)
+    monkeypatch.setattr(page._said, "wait", lambda seconds: False)
+    page._watch()
+    assert 'data-verdict="certified"' in page.shown.status.content
+    page._said.clear()
+    page._watch()
+    assert 'data-verdict="searching"' in page.shown.status.content
+    page.replan()
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_an_obstacle_of_every_kind_can_be_added_and_deleted(page, kind):
     number = page.answer.number

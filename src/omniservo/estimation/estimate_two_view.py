@@ -13,15 +13,14 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import RigidTransform
 
-from omniservo.cameras import UnifiedCamera
 from omniservo.cameras.conversion import UnifiedImage, unified_image
 from omniservo.cameras.models import CentralModel
 from omniservo.errors import InputError
 from omniservo.estimation.deferred import changed, later
 from omniservo.estimation.estimate_planar import estimate_planar
-from omniservo.estimation.matches import Matches
+from omniservo.estimation.matches import Matches, on_virtual_plane
 from omniservo.estimation.minimal_solvers.essential_matrix import linear_structure, mark_in_front
-from omniservo.estimation.outside_domain import among_all, in_domain
+from omniservo.estimation.outside_domain import among_all, first_of_equal, in_domain
 from omniservo.estimation.refinement.joint_refinement import refine_jointly, residual_sums, write_residuals
 from omniservo.estimation.refinement.motion_search import FEW_POINTS
 from omniservo.estimation.robust.members import MOTION_PARAMETERS
@@ -116,7 +115,8 @@ def estimate_two_view(
             and status are decided on the real image for both. "homography": the target is a plane; four
             matches will do, and "pixel" refuses it.
         rotation: s_R as quaternion (17), (20) or Cayley vector (18), (21); the answer is the same.
-        robust: reject matches that do not agree with the others, and those outside the camera's domain.
+        robust: reject matches that do not agree with the others, those outside the camera's domain, and
+            all but the first of equal ones, which say nothing new.
         noise: σ of a pixel coordinate [px], one number, or (n, 2): of point j in the initial and in the goal
             image. Residuals are then weighted by 1/σ, and statuses and covariance rest on it. None: every
             pixel is as good as any other, and σ comes from the residuals; of fewer than eight matches 0.5.
@@ -152,7 +152,12 @@ def _estimate_inside(
     request: TwoViewRequest,
     started: float,
 ) -> TwoViewEstimate:
-    """Estimate, from the matches in the camera's domain where it is ``robust`` and some are outside."""
+    """Estimate; ``robust``: of equal matches from the first, and from those in the camera's domain."""
+    if robust:
+        first = first_of_equal(pixels)
+        rows = first == np.arange(len(pixels))
+        if not rows.all():
+            return _estimate_part(image, pixels, method, request.at(first), rows, started)
     try:
         return _estimate(image, pixels, method, robust, request, started)
     except InputError:
@@ -163,12 +168,24 @@ def _estimate_inside(
     if lost is not None:
         words = f"point {lost}, which the scale refers to, is outside the camera's domain"
         return TwoViewEstimate.without_pose(len(pixels), "not_converged", words, started)
-    chosen, left = pixels[inside], request.where(inside)
+    return _estimate_part(image, pixels, method, request, inside, started)
+
+
+def _estimate_part(
+    image: UnifiedImage,
+    pixels: FloatArray,
+    method: str,
+    request: TwoViewRequest,
+    rows: BoolArray,
+    started: float,
+) -> TwoViewEstimate:
+    """Estimate robustly from the chosen rows; the others are rejected."""
+    chosen, left = pixels[rows], request.where(rows)
     if left.noise is None:  # so few may be left that they do not tell it
         left = left._replace(
             noise=checked_noise(None, checked_pixels(image, chosen[:, :2], chosen[:, 2:])[1])
         )
-    return among_all(_estimate(image, chosen, method, robust, left, started), inside)
+    return among_all(_estimate_inside(image, chosen, method, True, left, started), rows)
 
 
 def _estimate(
@@ -185,32 +202,8 @@ def _estimate(
     matches = Matches.of_pixels(image.camera, np.concatenate(views, axis=1), noise)
     if method == "homography":
         return estimate_planar(matches, robust, request, started)
-    plane = _virtual_plane(image.camera, matches) if method == "virtual-plane" else None
+    plane = on_virtual_plane(image.camera, matches) if method == "virtual-plane" else None
     return _estimate_few(matches, plane, robust, request, started)
-
-
-def _virtual_plane(camera: UnifiedCamera, matches: Matches) -> tuple[Matches, FloatArray]:
-    """Return the matches as the perspective camera (K, ξ = 0) sees them, and the pixels' derivative (n, 8).
-
-    The virtual plane (3)-(6) is that camera's image: p = K h / h_z.
-    """
-    behind = np.argwhere(matches.bearings[:, [2, 5]] <= 0.0)
-    if len(behind):
-        j, view = (int(x) for x in behind[0])
-        raise InputError(
-            f"pixels_{('initial', 'goal')[view]}: index {j} is 90° or more from the axis and has no"
-            ' image on the virtual plane; method "pixel" works there'
-        )
-    plane = UnifiedCamera(
-        camera.fx, camera.fy, camera.cx, camera.cy, 0.0, camera.width, camera.height, skew=camera.skew
-    )
-    n = len(matches.pixels)
-    pixels, slopes, valid = plane.project_jacobian(matches.bearings.reshape(n, 2, 3))
-    if not valid.all():
-        raise InputError(f"pixels: index {int(np.argwhere(~valid)[0][0])} has no image on the virtual plane")
-    noise = matches.weights[:, :, None, None] * (slopes @ matches.jacobians.reshape(n, 2, 3, 2))
-    seen = matches._replace(parameters=plane.parameters, pixels=pixels.reshape(n, 4).copy())
-    return seen, noise.reshape(n, 8)
 
 
 def _estimate_general(
@@ -220,7 +213,7 @@ def _estimate_general(
     request: TwoViewRequest,
     started: float,
 ) -> TwoViewEstimate:
-    """Estimate a target that need not be a plane; ``plane`` is what `_virtual_plane` returns."""
+    """Estimate a target that need not be a plane; ``plane`` is what `on_virtual_plane` returns."""
     if matches.size < LEAST_POINTS:
         words = f"{matches.size} matches given; at least {LEAST_POINTS} are needed"
         return TwoViewEstimate.without_pose(matches.size, "too_few_points", words, started)

@@ -72,3 +72,27 @@ class Matches(NamedTuple):
             bearings=self.bearings[members],
             jacobians=self.jacobians[members],
         )
+
+
+def on_virtual_plane(camera: UnifiedCamera, matches: Matches) -> tuple[Matches, FloatArray]:
+    """Return the matches as the perspective camera (K, ξ = 0) sees them, and the pixels' derivative (n, 8).
+
+    The virtual plane (3)-(6) is that camera's image: p = K h / h_z.
+    """
+    behind = np.argwhere(matches.bearings[:, [2, 5]] <= 0.0)
+    if len(behind):
+        j, view = (int(x) for x in behind[0])
+        raise InputError(
+            f"pixels_{('initial', 'goal')[view]}: index {j} is 90° or more from the axis and has no"
+            ' image on the virtual plane; method "pixel" works there'
+        )
+    plane = UnifiedCamera(
+        camera.fx, camera.fy, camera.cx, camera.cy, 0.0, camera.width, camera.height, skew=camera.skew
+    )
+    n = len(matches.pixels)
+    pixels, slopes, valid = plane.project_jacobian(matches.bearings.reshape(n, 2, 3))
+    if not valid.all():
+        raise InputError(f"pixels: index {int(np.argwhere(~valid)[0][0])} has no image on the virtual plane")
+    noise = matches.weights[:, :, None, None] * (slopes @ matches.jacobians.reshape(n, 2, 3, 2))
+    seen = matches._replace(parameters=plane.parameters, pixels=pixels.reshape(n, 4).copy())
+    return seen, noise.reshape(n, 8)

@@ -1,4 +1,4 @@
-"""Pixels that the camera cannot have seen: left out like other wrong ones, where they are few."""
+"""Matches that say nothing: of pixels that the camera cannot have seen, and repetitions of others."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from omniservo.cameras.models import CentralModel
 from omniservo.estimation.deferred import later
 from omniservo.estimation.two_view_estimate import TwoViewEstimate
-from omniservo.geometry.arrays import BoolArray, FloatArray, owned
+from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray, owned
 
 
 def in_domain(camera: CentralModel, *views: FloatArray) -> BoolArray | None:
@@ -20,6 +20,15 @@ def in_domain(camera: CentralModel, *views: FloatArray) -> BoolArray | None:
     """
     inside = np.logical_and.reduce([camera.unproject(pixels)[1] for pixels in views])
     return inside if 2 * np.count_nonzero(inside) >= len(inside) else None
+
+
+def first_of_equal(pixels: FloatArray) -> IntArray:
+    """Return of each row (n,) of pixels (n, 4) the first that is equal to it.
+
+    Detectors that describe a place by several directions give a match as often as they have.
+    """
+    _, first, same = np.unique(pixels, axis=0, return_index=True, return_inverse=True)
+    return np.asarray(first[same.ravel()])
 
 
 def with_rows(values: FloatArray, rows: BoolArray) -> FloatArray:

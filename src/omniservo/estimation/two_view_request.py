@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from omniservo.errors import InputError
 from omniservo.estimation.robust.members import MOTION_PARAMETERS
 from omniservo.estimation.uncertainty.two_view_uncertainty import Lens, ScaleLength
 from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray
@@ -42,6 +43,23 @@ class TwoViewRequest(NamedTuple):
     def rejected(self, members: BoolArray) -> int | None:
         """Return a match that the scale refers to and that is no member."""
         return next((i for i in self.between or () if not members[i]), None)
+
+    def at(self, places: IntArray) -> TwoViewRequest:
+        """Return the request with matches ``places`` (n,) in place of all n.
+
+        Raises:
+            InputError: the scale refers to two points that are one there.
+        """
+        squares = np.unique(places[self.squares], axis=0)
+        if self.between is None:
+            return self._replace(squares=squares)
+        one, other = int(places[self.between[0]]), int(places[self.between[1]])
+        if one == other:
+            raise InputError(
+                f"scale: points {self.between[0]} and {self.between[1]} have the same pixels; two different"
+                " points are needed"
+            )
+        return self._replace(between=(one, other), squares=squares)
 
     def where(self, rows: BoolArray) -> TwoViewRequest:
         """Return the request for the chosen matches alone; squares of which one is not chosen are none."""

@@ -98,6 +98,7 @@ class Page:
         self._planner = Repeating("planner", self._plan, self._refused)
         self._said = threading.Event()
         """whether the sign on the page is that of the situation as it is"""
+        self._saying = threading.Lock()
         self._watcher = Repeating("watcher", self._watch, self._failed)
 
     def begin(self, shown: Shown) -> None:
@@ -204,8 +205,11 @@ class Page:
 
     def _watch(self) -> None:
         """Say that it is planned, where that takes a while: the sign of before is none of what is now."""
-        if not self._said.wait(_SOON):
-            self.shown.status.content = PLANNING
+        if self._said.wait(_SOON):
+            return
+        with self._saying:  # it may have been said just then
+            if not self._said.is_set():
+                self.shown.status.content = PLANNING
 
     def _plan(self) -> None:
         self._said.clear()
@@ -270,9 +274,10 @@ class Page:
     def _publish(self, answer: Answer) -> None:
         begin = time.perf_counter()
         self._number = answer.number
+        with self._saying:
+            self._said.set()
         with self.server.atomic():
             self.nodes.show(answer)
-            self._said.set()
             self.shown.status.content = status_html(answer)
         self.server.flush()  # it would wait for a sixtieth of a second for more
         with self._changed:
@@ -404,7 +409,8 @@ class Page:
 
     def _refused(self, error: Exception) -> None:
         """Say why what a hand did is not planned for: the last answer is none for it."""
-        self._said.set()
+        with self._saying:
+            self._said.set()
         with self._changed:
             self.shown.status.content = refused_html(_said(error))
             self._changed.notify_all()
