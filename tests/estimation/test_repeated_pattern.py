@@ -68,6 +68,23 @@ def test_matches_that_do_not_agree_to_the_pixels_noise_keep_wide_gates():
     assert same is matches
 
 
+def test_gates_are_wider_where_the_stated_noise_of_pixels_is_too_small():
+    matches, wide, _, _ = matches_and_fits()
+    narrow, sharp = sharper_fit(matches, wide, 0, 0.2 * NOISE)
+    assert narrow.noise_px == pytest.approx(0.4 * NOISE)
+    assert sharp.members.sum() < wide.members.sum()
+
+
+def test_wrong_matches_a_few_pixels_off_are_not_called_badly_found_where_most_agree_to_the_pixels_noise():
+    initial, goal = facade(3, 16)
+    rng = np.random.default_rng(0)
+    off = rng.permutation(len(goal))[: len(goal) // 5]
+    goal[off, 1] += rng.choice([-1.0, 1.0], len(off)) * rng.uniform(3.0, 6.0, len(off))
+    found = estimate_two_view(CAMERA, initial, goal, noise=NOISE)
+    assert found.status == "ok", found.message
+    assert not found.inliers[off].any()
+
+
 def test_wrong_windows_are_no_evidence_of_another_camera_where_most_agree_to_the_pixels_noise():
     _, _, narrow, sharp = matches_and_fits(sides=(1.0,))
     assert 0.05 < np.mean(~sharp.members) < 0.2
