@@ -90,3 +90,5 @@ def test_wrong_windows_are_no_evidence_of_another_camera_where_most_agree_to_the
     assert 0.05 < np.mean(~sharp.members) < 0.2
     assert foreign_evidence(sharp, narrow, 0.0, 0.46) is None
     assert foreign_evidence(sharp, narrow, 0.0, 0.5 * NOISE) is not None
+    unknown = narrow._replace(noise_px=0.0)  # then nothing says that they agree so well
+    assert foreign_evidence(sharp, unknown, 0.0, 0.1) is not None

@@ -86,19 +86,24 @@ np.save(sys.argv[2], renderer.render())
 """
 
 
+def shown_by_mujoco(folder, program):
+    """Return what a program in the folder saves of MuJoCo's own images, in a process of its own."""
+    (folder / "own.py").write_text(program)
+    ended = subprocess.run(
+        [sys.executable, "own.py", "scene.xml", "own.npy"], cwd=folder, capture_output=True, check=False,
+        env={"MUJOCO_GL": "egl", "PYTHONPATH": ":".join(sys.path)},
+    )  # fmt: skip
+    if not (folder / "own.npy").exists():
+        pytest.skip(f"no EGL here: {ended.stderr[-80:]!r}")
+    return np.load(folder / "own.npy").astype(int)
+
+
 def test_a_perspective_image_is_that_of_mujocos_own_renderer(tmp_path):
     """Shadows' borders and acne aside; the headlight off, which shines from the centre here."""
     xml = SCENE.read_text().replace("<headlight", '<headlight active="0"')
     camera = '<camera name="own" pos="1.2 -1.1 1.1" xyaxes=".67 .74 0 -.42 .38 .82" fovy="45"/></worldbody>'
     (tmp_path / "scene.xml").write_text(xml.replace("</worldbody>", camera))
-    (tmp_path / "own.py").write_text(OWN)
-    ended = subprocess.run(
-        [sys.executable, "own.py", "scene.xml", "own.npy"], cwd=tmp_path, capture_output=True, check=False,
-        env={"MUJOCO_GL": "egl", "PYTHONPATH": ":".join(sys.path)},
-    )  # fmt: skip
-    if not (tmp_path / "own.npy").exists():
-        pytest.skip(f"no EGL here: {ended.stderr[-80:]!r}")
-    own = np.load(tmp_path / "own.npy").astype(int)
+    own = shown_by_mujoco(tmp_path, OWN)
     model = load_scene_model(tmp_path / "scene.xml")
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
@@ -175,17 +180,11 @@ def test_textures_lie_on_every_shape_as_mujocos_own_renderer_lays_them(kind, uni
         <hfield name="hills" nrow="4" ncol="4" size=".45 .3 .1 .1" elevation="{"0 1 2 1 " * 4}"/>
         </asset><worldbody>{bodies}</worldbody></mujoco>"""
     )
-    (tmp_path / "own.py").write_text(inspect.getsource(painted) + SHOWN_BY_MUJOCO)
-    ended = subprocess.run(
-        [sys.executable, "own.py", "scene.xml", "own.npy"], cwd=tmp_path, capture_output=True, check=False,
-        env={"MUJOCO_GL": "egl", "PYTHONPATH": ":".join(sys.path)},
-    )  # fmt: skip
-    if not (tmp_path / "own.npy").exists():
-        pytest.skip(f"no EGL here: {ended.stderr[-80:]!r}")
+    images = shown_by_mujoco(tmp_path, inspect.getsource(painted) + SHOWN_BY_MUJOCO)
     model, data = painted(str(tmp_path / "scene.xml"))
     focal = 60.0 / np.tan(np.radians(20.0))
     lens = UnifiedCamera(focal, focal, 79.5, 59.5, 0.0, 160, 120)
-    for i, own in enumerate(np.load(tmp_path / "own.npy").astype(int)):
+    for i, own in enumerate(images):
         axes = data.cam_xmat[i].reshape(3, 3) @ np.diag([1.0, -1.0, -1.0])
         ours = render(
             model, data, lens, RigidTransform.from_components(data.cam_xpos[i], Rotation.from_matrix(axes))

@@ -217,7 +217,7 @@ def _estimate_general(
     if matches.size < LEAST_POINTS:
         words = f"{matches.size} matches given; at least {LEAST_POINTS} are needed"
         return TwoViewEstimate.without_pose(matches.size, "too_few_points", words, started)
-    gates = matches
+    gates = matches  # by whose noise members are chosen and judged
     by_squares, against = robust and len(request.squares) > 0, ""
     if by_squares:
         fit, against = fit_squares(matches, request.squares, request.kind)

@@ -99,6 +99,7 @@ class Page:
         self._said = threading.Event()
         """whether the sign on the page is that of the situation as it is"""
         self._saying = threading.Lock()
+        """of what decides whether the sign becomes that of a search"""
         self._watcher = Repeating("watcher", self._watch, self._failed)
 
     def begin(self, shown: Shown) -> None:

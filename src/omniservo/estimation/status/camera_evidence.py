@@ -60,7 +60,8 @@ def foreign_evidence(fit: TwoViewFit, matches: Matches, sigma: float, camera_err
 
     ``sigma`` is the noise of a coordinate of weight 1, ``camera_error_px`` that of the camera's model [px].
     """
-    largest = LARGEST_BODY if matches.noise_px >= camera_error_px else LARGEST_PATTERN
+    is_sharp = 0.0 < matches.noise_px < camera_error_px
+    largest = LARGEST_PATTERN if is_sharp else LARGEST_BODY
     return _other_focal(fit, matches) or _alike(fit, matches, GATE * (sigma + camera_error_px), largest)
 
 
