@@ -33,6 +33,7 @@ from omniservo.estimation.robust.two_view_fit import (
     fit_members,
     fit_two_views,
 )
+from omniservo.estimation.status.duplicate_structure import duplicate_structure
 from omniservo.estimation.status.evidence import two_motions_apart
 from omniservo.estimation.status.moving_planes import bent_to_plane
 from omniservo.estimation.two_view_estimate import Status
@@ -132,6 +133,17 @@ def judge_others(matches: Matches, fit: TwoViewFit, kind: int, error_px: float) 
             " nearly a plane, move by themselves",
             (rest.minima[0], fit.minima[0]),
         )
+    for first in _firsts(matches, fit, kind, _sigma(matches, fit)):
+        duplicate = duplicate_structure(matches, first)
+        if duplicate is not None:
+            return Judged(
+                "ambiguous",
+                f"{two_motions_apart(first.minima[0], duplicate.motion)}: under the second, with which five"
+                f" of {matches.size - first.members.sum()} outliers agree, {duplicate.doubles} of"
+                f" {duplicate.checked} inliers are seen where others are: a structure"
+                " that repeats, matched to what only looks like it",
+                (first.minima[0], duplicate.motion),
+            )
     chance = _by_chance(matches, matches.size, count, _sigma(matches, fit))
     if 2 * count < matches.size and chance > SIGNIFICANCE:  # where most agree, most matches are right
         words = f"{count} of {matches.size} matches agree with a motion: chance gathers as many"
