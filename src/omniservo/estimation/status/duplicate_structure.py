@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import KDTree
-from scipy.stats import binom
+from scipy.special import bdtrc
 
 from omniservo.estimation.matches import Matches
 from omniservo.estimation.minimal_solvers.essential_matrix import linear_structure, motion_in_front
@@ -119,7 +119,7 @@ def duplicate_structure(matches: Matches, fit: TwoViewFit) -> Duplicate | None:
     checked = len(places.own)
     if best is None or most < SHARE * checked:
         return None
-    by_chance = tried * float(binom.sf(most - 1, checked, places.chance))
+    by_chance = tried * float(bdtrc(most - 1, checked, places.chance))
     return Duplicate(best, most, checked) if by_chance < CHANCE else None
 
 
