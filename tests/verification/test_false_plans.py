@@ -13,8 +13,8 @@ from omniservo.verification import PlanFileError, verify_plan
 DETOUR = (0.06, 0.0, 0.0)
 
 
-@pytest.fixture
-def honest():
+@pytest.fixture(scope="module")
+def certified():
     asked = problem(
         occlusion=True,
         obstacles=[
@@ -33,6 +33,12 @@ def honest():
     document = plan(asked, path(asked, DETOUR))
     assert verify_plan(document).status == "certified"
     return document
+
+
+@pytest.fixture
+def honest(certified):
+    """A certified plan, free to be changed."""
+    return copy.deepcopy(certified)
 
 
 def refuted(document, *words):

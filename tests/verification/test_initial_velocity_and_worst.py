@@ -12,8 +12,8 @@ from omniservo.verification import verify_plan
 DETOUR, TWIST = (0.06, 0.0, 0.0), (0.03, -0.02, 0.01, 0.05)
 
 
-@pytest.fixture
-def honest():
+@pytest.fixture(scope="module")
+def certified():
     asked = problem()
     way = path(asked, DETOUR, TWIST)
     way["rotation"] = (2.5 * np.array(way["rotation"])).tolist()  # its length does not matter
@@ -22,6 +22,12 @@ def honest():
     answer = verify_plan(document)
     assert answer.status == "certified", answer.reasons
     return document
+
+
+@pytest.fixture
+def honest(certified):
+    """A certified plan, free to be changed."""
+    return copy.deepcopy(certified)
 
 
 @pytest.mark.parametrize("k", range(6))
