@@ -9,6 +9,7 @@ import pytest
 import viser
 from PIL import Image
 from scipy.spatial.transform import RigidTransform, Rotation
+from tests.runs.changed_task import shipped, written
 from tests.viewer.conftest import PATIENCE, settled
 from websockets.exceptions import ConnectionClosedError
 from websockets.sync.client import connect
@@ -215,8 +216,12 @@ def test_one_servo_goes_on_at_a_time(page):
             page.servo()
 
 
-def test_a_servo_of_what_was_shown_before_is_not_shown_in_what_was_opened_since(page):
-    never, number = threading.Event(), page.answer.number
+def test_a_servo_of_what_was_shown_before_is_not_shown_in_what_was_opened_since(page, tmp_path):
+    """A slow camera: images take most of the time."""
+    never, number, document = threading.Event(), page.answer.number, shipped("whole-arm-1")
+    document["sensor"]["rate"] = 4
+    page.open(open_viewed(written(tmp_path, document)))
+    number = settled(page, number).number
     serving = threading.Thread(target=page.servo)
     serving.start()
     while page.playback.moment is None:
