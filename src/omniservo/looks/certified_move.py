@@ -166,7 +166,8 @@ def _camera_plan(
         off = 2.0 * float(np.linalg.norm(gaps.translation, axis=1).max())
         off += followed + mount_room(end, mount, float(away.max()))
         turned = 2.0 * float(gaps.rotation.magnitude().max()) + setting.arm.dof * FOLLOWED
-        seen = np.concatenate([pose.apply(samples) for pose in poses.inv()])
+        back = poses.inv().as_matrix()
+        seen = (samples @ back[:, :3, :3].mT + back[:, None, :3, 3]).reshape(-1, 3)
         pixels = _image_room(problem.camera, seen, turned, off)
         return judged_plan(widened_evenly(problem, off, pixels), near, begin, "certified", "")
     except InputError as error:
@@ -180,7 +181,8 @@ def _image_room(camera: UnifiedCamera, seen: FloatArray, turned: float, off: flo
     ∂pixel/∂c as much. Those that have no pixel do not count.
     """
     _, slopes, valid = camera.project_jacobian(seen)
-    (uu, uv), (_, vv) = np.einsum("kia,kja->ijk", slopes[valid], slopes[valid])
+    of_u, of_v = slopes[valid, 0], slopes[valid, 1]
+    uu, uv, vv = ((a * b).sum(axis=1) for a, b in ((of_u, of_u), (of_u, of_v), (of_v, of_v)))
     steepest = np.sqrt(0.5 * (uu + vv + np.hypot(uu - vv, 2.0 * uv)))
     gone = np.linalg.norm(seen[valid], axis=1) * turned + off
     return float((steepest * gone).max(initial=0.0))
