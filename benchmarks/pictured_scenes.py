@@ -113,19 +113,23 @@ def _paint(
 ) -> None:
     """Write what of ``face`` the rays meet first, in place."""
     turned = face.initial_T_face.rotation.inv()
-    origin = turned.apply(initial_T_camera.translation - face.initial_T_face.translation)
-    right, down, ahead = turned.as_matrix() @ rays.T
+    towards = face.initial_T_face.translation - initial_T_camera.translation
+    origin = turned.apply(-towards)
+    # rays that pass the ball around the face miss it, for a camera outside of the ball
+    beside = towards @ towards - face.half @ face.half
+    near = np.flatnonzero(rays @ towards > (np.sqrt(beside) - 1e-9 if beside > 0.0 else -np.inf))
+    right, down, ahead = turned.as_matrix() @ rays[near].T
     with np.errstate(divide="ignore", invalid="ignore"):
         distance = -origin[2] / ahead
-    hit = np.flatnonzero((distance > 0.0) & (distance < nearest))
+    hit = np.flatnonzero((distance > 0.0) & (distance < nearest[near]))
     x, y = (origin[i] + distance[hit] * way[hit] for i, way in enumerate((right, down)))
     on = (np.abs(x) < face.half[0]) & (np.abs(y) < face.half[1])
-    hit, x, y = hit[on], x[on], y[on]
+    first, hit, x, y = distance[hit[on]], near[hit[on]], x[on], y[on]
     rows, columns = face.picture.shape
     column = (x / face.half[0] + 1.0) * 0.5 * columns - 0.5
     row = (y / face.half[1] + 1.0) * 0.5 * rows - 0.5
     grey[hit] = map_coordinates(face.picture, (row, column), order=1, mode="nearest")
-    nearest[hit] = distance[hit]
+    nearest[hit] = first
 
 
 def smeared(image: ByteArray, length: int, rng: np.random.Generator) -> ByteArray:
