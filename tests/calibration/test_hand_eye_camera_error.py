@@ -15,7 +15,7 @@ FIELD = ModelError(0.3, 0.2 * FISHEYE.width)
 STATED = UnifiedCamera.from_dict(
     {**FISHEYE.to_dict(), "calibration_covariance": COVARIANCE, "model_error": FIELD.to_dict()}
 )
-RUNS, VIEWS = 20, 10
+RUNS, VIEWS = 10, 10
 
 
 def drawn(rng, change):

@@ -99,20 +99,32 @@ def _by_camera(linear: LinearLoop, V: FloatArray) -> FloatArray:
 def _given(
     linear: LinearLoop, disagreement: FloatArray, sigmas: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return θ (g, m), its covariance (g, m, m) and ln L (g,) for each of (σ_t, σ_r) (g, 2)."""
-    robot = np.repeat(sigmas**2, 3, axis=1)[:, None, :, None] * np.eye(6)
-    V = linear.C + disagreement + robot
+    """Return θ (g, m), its covariance (g, m, m) and ln L (g,) for each of (σ_t, σ_r) (g, 2) of one σ_t.
+
+    With P the block of C + σ_t² I for translations, B the one beside it and E diag(λ) Eᵀ = S, what is left of
+    the block for rotations, S = C₂₂ − BᵀP⁻¹B: V⁻¹ = diag(P⁻¹, 0) + Kᵀ diag(λ + σ_r²)⁻¹ K, K = Eᵀ[−BᵀP⁻¹ I].
+    So a row of the grid takes one decomposition a view.
+    """
+    C = linear.C + disagreement
     rows = np.concatenate([linear.M, linear.q[:, :, None]], axis=2)
-    weighted = np.linalg.inv(V) @ rows
     count = rows.shape[2]
-    products = rows.reshape(-1, count).T @ weighted.reshape(len(V), -1, count)
+    P, B = C[:, :3, :3] + sigmas[0, 0] ** 2 * np.eye(3), C[:, :3, 3:]
+    solved = np.linalg.solve(P, np.concatenate([rows[:, :3], B], axis=2))
+    first, ahead = solved[:, :, :count], solved[:, :, count:]
+    values, E = np.linalg.eigh(C[:, 3:, 3:] - B.mT @ ahead)
+    turned = E.mT @ (rows[:, 3:] - ahead.mT @ rows[:, :3])
+    spreads = np.maximum(values, 0.0) + sigmas[:, 1, None, None] ** 2
+    stacked, weights = turned.reshape(-1, count), 1.0 / spreads.reshape(len(sigmas), -1, 1)
+    products = (weights * stacked).mT @ stacked + (rows[:, :3].mT @ first).sum(axis=0)
     normal, right = products[:, :-1, :-1], products[:, :-1, -1]
     covariances = _inverted(normal)
     steps = np.einsum("gij,gj->gi", covariances, right)
     squares = products[:, -1, -1] - np.einsum("gi,gi->g", right, steps)
-    logdets = np.linalg.slogdet(V)[1].sum(axis=1) + np.linalg.slogdet(normal)[1]
+    logdets = np.linalg.slogdet(P)[1].sum() + np.log(spreads).sum(axis=(1, 2)) + np.linalg.slogdet(normal)[1]
     if disagreement.any():
-        own = weighted[..., :-1]
+        K = np.concatenate([-E.mT @ ahead.mT, E.mT], axis=2)
+        own = K.mT @ (turned / spreads[..., None])[..., :-1]
+        own[:, :, :3] += first[:, :, :-1]
         shared = np.einsum("gnim,nij,gnjk->gmk", own, disagreement, own, optimize=True)
         covariances = covariances - covariances @ shared @ covariances
     return steps, covariances, -0.5 * (logdets + squares)
