@@ -10,23 +10,26 @@ from omniservo.perception import match_images
 from omniservo.perception.smear_length import smear_length
 
 
-def crate_picture(seed):
-    rng = np.random.default_rng(seed)
-    return picture_of(crate(rng), LENS, motion(rng), rng, rays=2), rng
+@pytest.fixture(scope="module")
+def pictures():
+    """Six pictures of crates that do not move."""
+    found = []
+    for seed in range(6):
+        rng = np.random.default_rng([1, seed])
+        found.append(picture_of(crate(rng), LENS, motion(rng), rng, rays=2))
+    return found
 
 
 @pytest.mark.parametrize("length", [17, 21, 25])
-def test_the_length_of_a_smear_is_found_in_most_pictures(length):
+def test_the_length_of_a_smear_is_found_in_most_pictures(pictures, length):
     found = []
-    for seed in range(6):
-        picture, rng = crate_picture([length, seed])
-        found.append(smear_length(smeared(picture, length, rng)))
+    for seed, picture in enumerate(pictures):
+        found.append(smear_length(smeared(picture, length, np.random.default_rng([length, seed]))))
     assert sum(abs(each - length) <= 3 for each in found) >= 5
 
 
-def test_pictures_that_did_not_move_are_not_smeared():
-    for seed in range(6):
-        picture, _ = crate_picture([1, seed])
+def test_pictures_that_did_not_move_are_not_smeared(pictures):
+    for picture in pictures:
         assert smear_length(picture) == 0
         assert smear_length(cv2.GaussianBlur(picture, (0, 0), 6.0)) == 0  # out of focus, not moved
     assert smear_length(np.full((30, 40), 128, np.uint8)) == 0
