@@ -60,7 +60,7 @@ def displaced(scene, pairs, sigmas=(1e-3, 1e-3), off=None):
     ],
 )
 def test_the_95_percent_ellipsoids_of_many_views_cover(error, setting):
-    found = coverage("fe185", setting, error, 25)
+    found = coverage("fe185", setting, error, 15)
     assert found["ok"] == 1.0
     assert found["motion"] >= 0.85
     assert found["size"] >= 0.8
