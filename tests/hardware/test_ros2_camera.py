@@ -22,7 +22,8 @@ from omniservo.hardware.ros2.image_pixels import (
 )
 from omniservo.hardware.ros2.network import DdsNetwork
 from omniservo.hardware.ros2.ros2_camera import SIGMA_OF_ARRIVAL, Ros2Camera, read_camera_info
-from omniservo.robots import CameraSource
+from omniservo.hardware.ros2.server import Ros2Server
+from omniservo.robots import CameraImage, CameraSource, RobotState
 from omniservo.ros_messages.messages import (
     CameraInfoMessage,
     CompressedImageMessage,
@@ -419,3 +420,30 @@ def test_an_older_message_that_overtakes_changes_nothing(node):
             last = image.time
             sending.ended.wait(0.005)
         camera.close()
+
+
+class Passing:
+    """A camera, and the arm beside it, whose first images cannot be had."""
+
+    calls = 0
+
+    def read(self):
+        return RobotState(time.monotonic(), np.zeros(1), np.zeros(1))
+
+    def stop(self):
+        pass
+
+    def image(self):
+        self.calls += 1
+        if self.calls < 10:
+            raise ConnectionLost("nobody there")
+        return CameraImage(time.monotonic(), GREY)
+
+
+def test_a_server_outlives_a_camera_that_fails_for_a_while():
+    served = Passing()
+    server = Ros2Server(served, ("joint",), served, network=HERE)
+    camera = Ros2Camera("/camera/image_raw", network=HERE, patience=PATIENCE)
+    assert np.array_equal(wait_until(camera.image, "an image").pixels, GREY)
+    camera.close()
+    server.close()

@@ -233,7 +233,10 @@ class Ros2Server:
         line: FaultyLine[Any] = self._line()
         last = -np.inf
         while not self._closing.is_set():
-            image = self._camera.image() if self._camera is not None else None
+            try:
+                image = self._camera.image() if self._camera is not None else None
+            except OmniservoError:  # the camera is gone; so are its images
+                image = None
             now = time.monotonic()
             if image is not None and image.time > last:
                 last = image.time
