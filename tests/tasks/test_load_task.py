@@ -105,6 +105,7 @@ def test_the_papers_numbers_stand_in_its_tasks():
         ("format", "omniservo.task/2", "format: 'omniservo.task/2' given; legal: 'omniservo.task/1'"),
         ("units", {"length": "inch"}, "units.length: 'inch' given; legal: m, cm, mm"),
         ("colour", "red", "colour: no such field"),
+        ("planning", None, "planning: "),
         ("planning.clearence", 5, "planning.clearence: no such field"),
         ("planning.clearance", -5, "planning.clearance"),
         ("planning.clearance", float("nan"), "planning.clearance"),

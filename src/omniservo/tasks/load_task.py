@@ -143,7 +143,7 @@ def _found_tube(planning: Any, arm: dict[str, Any], files: TaskFiles) -> Any:
     """Return the section with the tracking tube in the place of its name."""
     named = planning.get("tracking_tube") if isinstance(planning, dict) else None
     if not isinstance(named, str):
-        return {} if planning is None else planning
+        return planning
     if named == "shipped":
         tube = shipped_tube(str(arm.get("model", "rx60")))
     else:
