@@ -6,6 +6,7 @@ import json
 import math
 import time
 from dataclasses import dataclass
+from numbers import Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, cast, get_args
 
@@ -319,7 +320,10 @@ def _check_fields(fields: Any, source: str) -> None:
 def _read_array(value: Any, shape: tuple[int, ...], source: str) -> FloatArray:
     """Return an array of the shape, None read as NaN."""
     try:
-        array = np.array(value, dtype=np.float64)
+        given = np.array(value, dtype=object)  # NumPy would take true and "1" for numbers
+        if not all(x is None or (isinstance(x, Real) and not isinstance(x, bool)) for x in given.flat):
+            raise TypeError
+        array = given.astype(np.float64)
     except (TypeError, ValueError, OverflowError):
         raise InputError(f"{source}: an array of numbers of shape {shape} is needed") from None
     if array.shape != shape and array.size + math.prod(shape) > 0:
