@@ -9,8 +9,10 @@ from scipy.spatial.transform import Rotation
 
 from omniservo.cameras import preset
 from omniservo.estimation import estimate_two_view
+from omniservo.estimation.refinement.epipolar_refinement import essential_matrix, sampson_cost
 from omniservo.estimation.refinement.motion_search import Minimum
-from omniservo.estimation.uncertainty.likelihood_region import motion_offsets
+from omniservo.estimation.uncertainty import likelihood_region
+from omniservo.estimation.uncertainty.likelihood_region import STRAIGHT, motion_offsets, walk_to_tips
 from omniservo.estimation.uncertainty.sure_region import Doubt
 
 SMALL_BASELINE, LATTICE = 1, 3
@@ -50,6 +52,29 @@ def test_few_points_of_little_relief_hold_what_is_likely_about_another_minimum(n
     found = estimate_two_view(scene.camera, *scene.noisy(rng, 0.5), noise=0.5)
     assert found.status == "ok"
     assert not is_sure_and_wrong(found, scene.initial_T_goal)
+
+
+def test_the_tips_of_a_region_lie_in_it(make_view, fisheye, monkeypatch):
+    """The cost bends away from its model: walked by that alone, tips had up to 400 times the room."""
+    excess = []
+
+    def watched(bearings, jacobians, rotation, translation, ways, cost, room, quantile):
+        motions = walk_to_tips(bearings, jacobians, rotation, translation, ways, cost, room, quantile)
+        for motion in zip(*motions, strict=True):
+            essential_matrix(*motion, essential := np.empty((3, 3)))
+            excess.append((sampson_cost(bearings, jacobians, math.inf, essential) - cost) / room)
+        return motions
+
+    monkeypatch.setattr(likelihood_region, "walk_to_tips", watched)
+    for k in range(30):
+        rng = np.random.default_rng([6, k])
+        points = np.array([0.0, 0.0, 0.5]) + rng.uniform(-1, 1, (6, 3)) * (0.25, 0.25, 0.2)
+        turn, way = Rotation.from_rotvec(rng.uniform(-0.5, 0.5, 3)), rng.normal(size=3)
+        scene = make_view(fisheye, points, turn, 0.3 * way / np.linalg.norm(way))
+        _ = estimate_two_view(scene.camera, *scene.noisy(rng, 0.5), noise=0.5).covariance
+    assert len(excess) >= 100
+    assert max(excess) < 1.0 + STRAIGHT + 1e-9
+    assert np.median(excess) > 0.95
 
 
 def test_the_tips_of_a_doubt_lie_on_its_ellipsoid():

@@ -39,6 +39,9 @@ STEPS = 6
 LONGEST_STEP = 0.5
 """of a walk [rad]"""
 
+HALVINGS = 8
+"""of a step that leaves the region: the cost is not the model of it"""
+
 STRAIGHT = 0.15
 """Where the cost at the ends of the longest axis differs from the linear image by no more than this part,
 the region is the ellipsoid."""
@@ -258,7 +261,17 @@ def _walk(
         shorter = min(1.0, LONGEST_STEP / math.sqrt(length + 1e-300))
         for i in range(5):
             ahead[i] *= shorter
-        move_motion(rotation, translation, tangents, ahead, trial_r, trial_t)
+        over = True
+        for _ in range(HALVINGS):
+            move_motion(rotation, translation, tangents, ahead, trial_r, trial_t)
+            essential_matrix(trial_r, trial_t, essential)
+            over = sampson_cost(bearings, jacobians, math.inf, essential) > cost + (1.0 + STRAIGHT) * room
+            if not over:
+                break
+            for i in range(5):
+                ahead[i] *= 0.5
+        if over:
+            return
         for j in range(bearings.shape[0]):
             if _is_behind(bearings, jacobians, j, trial_r, trial_t, reach):
                 return
