@@ -65,3 +65,28 @@ def test_it_is_no_shorter_than_its_least_duration_and_something_has_to_move():
         EvenPaceLaw(lambda w: np.full_like(w, np.nan), 1.0)
     with pytest.raises(InputError, match="pace: nothing moves; give a least_duration > 0"):
         EvenPaceLaw(np.zeros_like, 1.0)
+
+
+def test_a_place_ten_times_as_fast_on_a_hundredth_of_the_way_keeps_the_top_speed():
+    def narrow(w):
+        return 0.2 + 1.8 * np.exp(-(((w - 0.5) / 0.005) ** 2))
+
+    law = EvenPaceLaw(narrow, 0.5)
+    w, speed, _ = law.motion(np.linspace(0.0, law.duration, 20001))
+    assert (narrow(w) * speed).max() == pytest.approx(0.5, rel=5e-3)
+
+
+def test_rounding_puts_no_place_beyond_the_ends():
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        factors = rng.uniform(-1.0, 2.0, 5)
+        law = EvenPaceLaw(lambda w, f=factors: np.abs(np.polyval(f, w - 0.3)), rng.uniform(0.1, 3.0))
+        for time in (0.0, law.duration):
+            assert 0.0 <= law.motion(np.array([time]))[0][0] <= 1.0
+            assert 0.0 <= law(time)[0] <= 1.0
+
+
+@pytest.mark.parametrize(("top", "least", "name"), [(0.0, 0.0, "top_speed"), (1.0, -1.0, "least_duration")])
+def test_speeds_and_durations_that_are_none_are_refused(top, least, name):
+    with pytest.raises(InputError, match=name):
+        EvenPaceLaw(uneven, top, least)

@@ -242,3 +242,16 @@ def test_image_speed_of_no_points_and_of_a_path_to_nowhere_is_refused():
             POINTS,
             [0.5],
         )
+
+
+def test_a_bend_finer_than_the_first_steps_gets_finer_ones():
+    """With 400 steps the whole law would be stretched by 8%."""
+
+    def turning(w, order):
+        x = np.clip((w - 0.5) / 0.003, -50.0, 50.0)
+        bend = np.tanh(x) if order == 1 else 1.0 / np.cosh(x) ** 2 / 0.003
+        return np.column_stack((bend, np.full_like(w, float(order == 1))))
+
+    law = TimeOptimalLaw(PathLimits(turning, [1.0, 1.0], [2.0, 2.0]))
+    assert 1.0 <= law.stretched <= 1.005
+    assert law.duration < 2.05

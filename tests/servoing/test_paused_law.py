@@ -98,3 +98,14 @@ def test_what_is_no_pause_is_refused():
         Pause(1.0, 0.0)
     with pytest.raises(InputError, match="rising"):
         Pause(1.0, 0.1, 2.0, 0.0)
+
+
+def test_at_the_time_at_which_a_clock_comes_to_a_time_it_has_come_to_it():
+    pause = Pause(1.0, 0.2, 2.5, 0.3)
+    assert all(pause.clock(pause.when(clock))[0] >= clock for clock in np.linspace(0.0, 5.0, 101))
+
+
+@pytest.mark.parametrize(("begin", "resumed", "name"), [(math.nan, 2.0, "begin"), (1.0, math.nan, "resumed")])
+def test_times_of_a_pause_that_are_none_are_refused(begin, resumed, name):
+    with pytest.raises(InputError, match=name):
+        Pause(begin, 0.2, resumed)

@@ -142,3 +142,42 @@ def test_a_law_that_is_over_and_numbers_that_are_none_are_refused():
             RestOfLaw(LAW, **bad)
     with pytest.raises(InputError):
         RestOfLaw(LAW, 1.0)(np.nan)
+
+
+def even_path(top_speed):
+    """One joint that goes on evenly, at most as fast as told."""
+    return PathLimits(lambda w, order: np.full((len(w), 1), float(order == 1)), [top_speed], [1e3])
+
+
+def test_a_limit_counts_as_kept_up_to_two_thousandths_beyond_it():
+    top = RestOfLaw(LAW, 0.4).motion(np.linspace(0.4, 3.0, 100_001))[1].max()
+    for beyond, kept in ((1.001, True), (1.004, False)):
+        limits = even_path(top / beyond)
+        assert (RestOfLaw.within(LAW, 0.4, limits).pace == 1.0) == kept
+        assert RestOfLaw(LAW, 0.4).keeps(limits) == kept
+
+
+@pytest.mark.parametrize(("share", "is_slow_enough"), [(0.2, True), (0.05, False)])
+def test_a_clock_is_slowed_down_to_a_tenth_and_no_farther(share, is_slow_enough):
+    top = RestOfLaw(LAW, 0.4).motion(np.linspace(1.4, 3.0, 10_001))[1].max()
+    limits = even_path(1e3)
+    slow = PathLimits(
+        limits.joints,
+        limits.speeds,
+        limits.accelerations,
+        path_speed=lambda w: np.where(w < 0.4, np.inf, share * top),
+    )
+    rest = RestOfLaw.within(LAW, 0.4, slow)
+    assert (rest is not None) == is_slow_enough
+    if rest is not None:
+        assert 0.6 * share < rest.pace <= share * 1.1
+
+
+def test_a_rest_is_not_finished_before_it_begins_and_asks_for_numbers():
+    late = RestOfLaw(ExponentialLaw(1.0), 8.0)  # that law counts as finished from 6.9 s on
+    assert not late.finished(7.5)
+    assert late.finished(8.1)
+    with pytest.raises(InputError, match="time"):
+        RestOfLaw(LAW, 1.0)(-np.inf)
+    with pytest.raises(InputError, match="ramp"):
+        RestOfLaw(LAW, 1.0, ramp=0.0)

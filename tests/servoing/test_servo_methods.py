@@ -294,3 +294,106 @@ def test_of_many_points_the_triangles_are_even_ones_and_found_without_listing_al
 @pytest.mark.parametrize("gain", [np.float32(2.0), np.int64(2), 2])
 def test_a_gain_is_any_number(gain):
     assert ImageServoOptions(gain=gain).gain == 2.0
+
+
+def test_the_adaptive_gain_is_of_the_largest_component_whichever_it_is():
+    gain = AdaptiveGain(4.0, 0.4, 30.0)
+    expected = 3.6 * np.exp(-30.0 * 0.2 / 3.6) + 0.4
+    for place in range(6):
+        twist = np.full(6, 0.15)
+        twist[place] = -0.2
+        assert gain(twist) == pytest.approx(expected, rel=1e-14)
+
+
+def test_2_d_needs_its_point_in_front_in_the_goal_image_too_and_the_middle_is_that_of_all_points():
+    view, method = seen(TARGET, ASIDE), servo_method("hybrid-2.5d", 1.0)
+    goal_bearings = view.goal_bearings.copy()
+    goal_bearings[:8, 2] *= -1.0
+    errors = view.points[:, :2] / view.points[:, 2:] - TARGET[:, :2] / TARGET[:, 2:]
+    only = method.error(replace(view, goal_bearings=goal_bearings))[0][:2]
+    np.testing.assert_allclose(only, errors[8], atol=1e-12)
+    aside = method.error(behind(view, [4, 5, 6, 7, 8]))[0][:2]
+    rest = [0, 1, 2, 3]
+    middle = np.linalg.norm(view.goal_points[rest] - view.goal_points.mean(axis=0), axis=1)
+    own = np.linalg.norm(view.goal_points[rest] - view.goal_points[rest].mean(axis=0), axis=1)
+    assert middle.argmin() != own.argmin()
+    np.testing.assert_allclose(aside, errors[rest[middle.argmin()]], atol=1e-12)
+
+
+def test_image_points_must_be_in_front_in_the_goal_image_too():
+    view = seen(TARGET, ASIDE)
+    goal_bearings = view.goal_bearings.copy()
+    goal_bearings[[0, 3], 2] *= -1.0
+    error, _ = ImageServo().error(replace(view, goal_bearings=goal_bearings))
+    assert error.shape == (14,)
+    assert np.isfinite(error).all()
+
+
+def test_triangles_that_are_thin_in_either_image_are_not_used():
+    method = servo_method("spherical", 1.0)
+    thin = np.array([[0.0, 0.0, 1.0], [0.3, 0.0, 1.0], [0.0, 0.3, 1.0], [0.3, 0.3, 1.0], [0.15, 0.01, 1.0]])
+    wide = thin.copy()
+    wide[4] = [0.15, 0.15, 0.9]
+    for now, goal in ((thin, thin), (thin, wide), (wide, thin)):
+        view = replace(seen(goal, HOME), bearings=seen(now, HOME).bearings)
+        used = [
+            k for k in combinations(range(5), 3)
+            if all(area(b, k) > 0.1 * max(area(b, j) for j in combinations(range(5), 3))
+                   for b in (view.bearings, view.goal_bearings))
+        ]  # fmt: skip
+        assert len(method.error(view)[0]) == len(used) + 3 < 13
+
+
+def area(bearings, corners):
+    a, b, c = bearings[list(corners)]
+    return 0.5 * np.linalg.norm(np.cross(b - a, c - a))
+
+
+class TestSwitching:
+    """From the image to the pose and back, each by its own bound and with its own gain."""
+
+    START = RigidTransform.from_components([0.1, 0.0, 0.0], Rotation.from_rotvec([0.0, 0.0, 0.5]))
+
+    def mode_after(self, servo, mode, pose):
+        servo.step(seen(TARGET, self.START))
+        servo.mode = mode
+        twist = servo.step(seen(TARGET, pose))
+        return servo.mode, twist
+
+    @pytest.mark.parametrize("share", [1.4, 1.6])
+    def test_the_image_is_left_by_the_distance_over_the_targets_and_the_turn(self, share):
+        servo = SwitchedServo(SwitchedServoOptions(most_pose_error=1.5, most_image_error=9.0))
+        mean = np.linalg.norm(TARGET, axis=1).mean()
+        size = share * np.hypot(0.1 / mean, 0.5)
+        for shift in (0.0, 0.8 * size * mean):
+            turn = np.sqrt(size**2 - (shift / mean) ** 2)
+            pose = RigidTransform.from_components([0.0, shift, 0.0], Rotation.from_rotvec([turn, 0.0, 0.0]))
+            assert self.mode_after(servo, "image", pose)[0] == ("pose" if share > 1.5 else "image")
+
+    @pytest.mark.parametrize("share", [1.9, 2.1])
+    def test_the_pose_is_left_by_the_rms_of_the_image_however_many_points_there_are(self, share):
+        def rms(points, pose):
+            return np.sqrt(np.mean(ImageServo().error(seen(points, pose))[0] ** 2))
+
+        servo = SwitchedServo(SwitchedServoOptions(most_pose_error=9.0, most_image_error=2.0))
+        few, low, high = TARGET[[0, 2, 6, 8]], 0.0, 1.0
+        for _ in range(60):
+            shift = 0.5 * (low + high)
+            away = RigidTransform.from_translation([shift, 0.0, 0.0])
+            larger = rms(few, away) > share * rms(TARGET, self.START)
+            low, high = (low, shift) if larger else (shift, high)
+        servo.step(seen(TARGET, self.START))
+        servo.mode = "pose"
+        servo.step(seen(few, away))
+        assert servo.mode == ("image" if share > 2.0 else "pose")
+
+    def test_each_law_has_its_own_gain(self):
+        options = SwitchedServoOptions(ImageServoOptions(gain=0.5), PoseServoOptions(gain=2.0))
+        for mode, method in (("image", ImageServo(options.image)), ("pose", PoseServo(options.pose))):
+            found, twist = self.mode_after(SwitchedServo(options), mode, self.START)
+            assert found == mode
+            np.testing.assert_array_equal(twist, method.step(seen(TARGET, self.START)))
+
+    def test_bounds_are_above_one(self):
+        with pytest.raises(InputError, match="most_image_error"):
+            SwitchedServoOptions(most_image_error=1.0)
