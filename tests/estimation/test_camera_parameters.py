@@ -59,7 +59,7 @@ def test_poses_of_a_tag_and_of_a_target_cover_parameters_that_are_off_as_stated(
         one += held(step(pose.reference_T_camera, first), pose.covariance)
         motion = estimate_known_target(KNOWN, points, *pixels, noise=noise)
         two += held(step(motion.initial_T_goal, first.inv() * second), motion.covariance)
-        pose = estimate_pose(EXACT, points, pixels[0])
+        pose = estimate_pose(EXACT, points, pixels[0], noise=noise)
         exact += pose.status == "ok" and held(step(pose.reference_T_camera, first), pose.covariance)
     assert 0.9 * RUNS <= one <= 0.98 * RUNS
     assert 0.9 * RUNS <= two <= 0.98 * RUNS

@@ -24,6 +24,7 @@ from omniservo.estimation.robust.pose_fit import LEAST_POINTS, KnownPixels, Pose
 from omniservo.estimation.robust.pose_search import write_pose_residuals
 from omniservo.estimation.status.pose_evidence import FAR_ROTATION, judge_pose, rotation_between
 from omniservo.estimation.uncertainty.camera_moves import CameraMoves, camera_variance, is_exact
+from omniservo.estimation.uncertainty.pose_region import pose_stretch
 from omniservo.estimation.uncertainty.pose_response import noise_factor, own_spread, pose_response
 from omniservo.geometry.arrays import FloatArray, finite_array, finite_number, owned
 
@@ -173,7 +174,7 @@ class PoseSpread:
     """How uncertain a pose is."""
 
     own: FloatArray
-    """(6, 6) by the points' own noise, and other near minima"""
+    """(6, 6) by the points' own noise, stretched to the region that they leave"""
     by_camera: PixelResponse | None = None
     """what the camera's errors do; None: it is exact"""
     raised: float = 1.0
@@ -202,16 +203,15 @@ def pose_spread(
 
     ``variance`` is that of a pixel coordinate of weight 1 [px²], ``odds`` are those of the first minima.
     """
-    covariance = np.empty((6, 6))
+    inverse, by_camera = np.empty((6, 6)), None
     best, raised = fit.minima[0], 1.0
     weights = np.where(fit.members, known.weights, 0.0)
     cost = inverse_information(
-        known.parameters, known.points, known.pixels, weights, best[:4], best[4:7], covariance
+        known.parameters, known.points, known.pixels, weights, best[:4], best[4:7], inverse
     )
     if not cost < math.inf:
         return None
-    covariance *= variance
-    by_camera = None
+    covariance = variance * inverse
     if not is_exact(camera):
         found = pose_response(camera, (known.points, known.weights), fit.members, pose_of(best))
         if found is None:
@@ -227,13 +227,15 @@ def pose_spread(
         raised = noise_factor(moves.pixels, residuals, slopes, own, stated=stated)
         own *= raised**2
         covariance = own_spread(response, own)
+        variance = float(np.median(own * np.square(known.weights)))
         by_camera = PixelResponse(seen, known.pixels, response, moves)
     for rival, likely in zip(fit.minima[1:], odds[1:], strict=False):
         if rotation_between(best, rival) <= FAR_ROTATION:
             turn = Rotation.from_quat(best[:4]).inv() * Rotation.from_quat(rival[:4])
             gap = np.concatenate((rival[4:7] - best[4:7], turn.as_rotvec()))
             covariance += likely / odds.sum() * np.outer(gap, gap)
-    return PoseSpread(covariance, by_camera, raised)
+    lacking = pose_stretch(known, weights, fit.minima[: len(odds)], variance * inverse, variance)
+    return PoseSpread(covariance + lacking, by_camera, raised)
 
 
 def pose_residuals(known: KnownPixels, minimum: FloatArray) -> FloatArray:

@@ -49,7 +49,8 @@ class PoseEstimate:
     """(6, 6) of (translation in the points' frame [m], rotation vector applied on the right [rad]). With the
     noise stated σ²(JᵀJ)⁻¹, σ being that, or what the residuals say where they prove it too small; else
     Student's t with ν = 2n − 6 degrees of freedom, σ²ν/(ν − 2)(JᵀJ)⁻¹. Of four points or three, which say too
-    little about σ, it is blended with 0.5 px, worth four residuals."""
+    little about σ, it is blended with 0.5 px, worth four residuals. Where the cost's valley bends, or another
+    minimum is not negligible, it is stretched to hold what is as likely."""
     inliers: BoolArray
     """(n,) the points that the pose rests on."""
     rms_px: float

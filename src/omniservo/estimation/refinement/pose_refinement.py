@@ -89,7 +89,7 @@ def minimise_pose(
     t = translation.copy()
     equations, factor, step = PoseEquations(np.empty((6, 6)), np.empty(6)), np.empty((6, 6)), np.empty(6)
     normal, gradient = equations.normal, equations.gradient
-    cost = _normal_equations(parameters, points, pixels, weights, loss_scale, q, t, equations)
+    cost = normal_equations(parameters, points, pixels, weights, loss_scale, q, t, equations)
     if not cost < math.inf:
         return q, t, math.inf, False
     damping, decrement = 0.0, math.inf
@@ -119,7 +119,7 @@ def minimise_pose(
             q = trial_q
             for i in range(3):
                 t[i] = trial_t[i]
-            cost = _normal_equations(parameters, points, pixels, weights, loss_scale, q, t, equations)
+            cost = normal_equations(parameters, points, pixels, weights, loss_scale, q, t, equations)
             if last:
                 return q, t, cost, factor_cholesky(normal, 6, LEAST_PIVOT)
             damping = 0.1 * damping if damping > 1e-6 else 0.0
@@ -165,7 +165,7 @@ def cauchy_loss(square: float, scale: float) -> float:
 
 
 @kernel
-def _normal_equations(
+def normal_equations(
     parameters: FloatArray,
     points: FloatArray,
     pixels: FloatArray,
@@ -265,7 +265,7 @@ def inverse_information(
     """Write (JᵀWJ)⁻¹ (6, 6) of (dt, δ), for residuals of variance 1; return the cost, or infinity."""
     normal, column = np.empty((6, 6)), np.empty(6)
     equations = PoseEquations(normal, column)
-    cost = _normal_equations(parameters, points, pixels, weights, math.inf, q, t, equations)
+    cost = normal_equations(parameters, points, pixels, weights, math.inf, q, t, equations)
     if not (cost < math.inf and factor_cholesky(normal, 6, LEAST_PIVOT)):
         return math.inf
     for k in range(6):
