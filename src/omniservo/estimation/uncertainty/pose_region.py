@@ -68,11 +68,11 @@ def pose_stretch(
     for size in SIZES:
         tips.append(walk_poses(*rows, best[:7], ways, unit, size * math.sqrt(variance)))
         sizes.append(np.full(len(tips[-1]), size))
-    reached, size = np.concatenate(tips), np.concatenate(sizes)[:, None]
+    reached, away = np.concatenate(tips), np.concatenate(sizes)[:, None]
     if not len(reached):
         return np.zeros((6, 6))
     turns = Rotation.from_quat(best[:4]).inv() * Rotation.from_quat(reached[:, :4])
-    offsets = np.concatenate((reached[:, 4:] - best[4:7], turns.as_rotvec()), axis=1) / size
+    offsets = np.concatenate((reached[:, 4:] - best[4:7], turns.as_rotvec()), axis=1) / away
     by = stretch_weights(scaled, offsets / unit, 1.0)
     lacking: FloatArray = (by[:, None] * offsets).T @ offsets
     return lacking
