@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from omniservo.estimation.matches import Matches
 from omniservo.estimation.refinement.epipolar_refinement import essential_matrix, sampson_row, tangent_plane
@@ -68,12 +69,11 @@ def vouched_fit(matches: Matches, fit: TwoViewFit, kind: int) -> TwoViewFit | No
 
 def odds_beside(matches: Matches, members: BoolArray) -> FloatArray:
     """Return the odds (n,) of a match to be wrong: as its nearest ones have it, or all of them, if larger."""
-    wrong, inside = np.zeros(matches.size), int(members.sum())
+    wrong, inside, own = np.zeros(matches.size), int(members.sum()), np.arange(matches.size)[:, None]
     for image in (matches.pixels[:, :2], matches.pixels[:, 2:]):
-        apart = np.square(image[:, None] - image).sum(axis=2)
-        np.fill_diagonal(apart, math.inf)
-        nearest = np.argpartition(apart, BESIDE, axis=1)[:, :BESIDE]
-        wrong = np.maximum(wrong, (~members)[nearest].sum(axis=1))
+        nearest = cKDTree(image).query(image, THING)[1]  # with itself, mostly
+        beside = ((~members)[nearest] & (nearest != own)).sum(axis=1)
+        wrong = np.maximum(wrong, np.minimum(beside, BESIDE))
     return np.maximum((wrong + 0.5) / (BESIDE - wrong + 0.5), (matches.size - inside) / inside)
 
 
