@@ -246,8 +246,7 @@ def _walk(
         if not factor_cholesky(normal, 5, 1e-15):
             return
         _along(way, tangents, along)
-        for i in range(5):
-            ahead[i], back[i] = along[i], gradient[i]
+        ahead[:], back[:] = along, gradient
         solve_factored(normal, 5, ahead)
         solve_factored(normal, 5, back)
         gain, drop, length = 0.0, 0.0, 0.0
@@ -259,8 +258,7 @@ def _walk(
             ahead[i] = far * ahead[i] - back[i]
             length += ahead[i] * ahead[i]
         shorter = min(1.0, LONGEST_STEP / math.sqrt(length + 1e-300))
-        for i in range(5):
-            ahead[i] *= shorter
+        ahead *= shorter
         over = True
         for _ in range(HALVINGS):
             move_motion(rotation, translation, tangents, ahead, trial_r, trial_t)
@@ -268,8 +266,7 @@ def _walk(
             over = sampson_cost(bearings, jacobians, math.inf, essential) > cost + (1.0 + STRAIGHT) * room
             if not over:
                 break
-            for i in range(5):
-                ahead[i] *= 0.5
+            ahead *= 0.5
         if over:
             return
         for j in range(bearings.shape[0]):

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 from scipy.special import chdtri
 
+from omniservo.estimation.refinement.pose_minima import COST
 from omniservo.estimation.refinement.pose_refinement import (
     LEAST_PIVOT,
     PoseEquations,
@@ -64,9 +65,9 @@ def pose_stretch(
     ways = (axes * np.sqrt(np.maximum(values, 0.0))).T
     ways = np.concatenate((ways, -ways))
     rows = (known.parameters, known.points, known.pixels, weights)
-    tips, sizes = [minima[1:, :7]], [np.full(len(minima) - 1, SIZES[0])]
+    tips, sizes = [minima[1:, :COST]], [np.full(len(minima) - 1, SIZES[0])]
     for size in SIZES:
-        tips.append(walk_poses(*rows, best[:7], ways, unit, size * math.sqrt(variance)))
+        tips.append(walk_poses(*rows, best[:COST], ways, unit, size * math.sqrt(variance)))
         sizes.append(np.full(len(tips[-1]), size))
     reached, away = np.concatenate(tips), np.concatenate(sizes)[:, None]
     if not len(reached):
