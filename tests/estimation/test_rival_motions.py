@@ -7,7 +7,8 @@ from benchmarks.tempting_scenes import answered, is_sure_and_wrong
 from scipy.spatial.transform import RigidTransform, Rotation
 from scipy.stats import chi2
 
-from omniservo.cameras import preset
+from omniservo.camera_files.usual_error import usual_error
+from omniservo.cameras import UnifiedCamera, preset
 from omniservo.estimation import estimate_two_view
 from omniservo.estimation.matches import Matches
 from omniservo.estimation.robust.rival_motions import with_rivals
@@ -86,3 +87,24 @@ def test_without_wrong_matches_a_match_that_decides_is_kept():
     scene = job(35, OFF_MODEL)
     right = [p[: len(scene.points)] for p in scene.pixels]
     assert estimate_two_view(scene.camera, *right).inliers.all()
+
+
+@pytest.mark.parametrize(
+    ("relief", "wrong", "seed"), [(0.005, 1, 39), (0.005, 1, 56), (0.005, 3, 13), (0.01, 1, 39)]
+)
+def test_a_narrow_lens_and_one_wrong_match_hide_no_minimum_behind_a_refusal(relief, wrong, seed):
+    """Of 300 matches; a false minimum asked for "a focal length 807% shorter": none better was looked for."""
+    rng, n = np.random.default_rng(seed), 300
+    camera = UnifiedCamera(1520.4, 1525.9, 302.3, 246.9, 0.0, 640, 480)
+    camera = UnifiedCamera.from_dict({**camera.to_dict(), "model_error": usual_error(camera, {}).to_dict()})
+    across = rng.uniform(-0.08, 0.08, n), rng.uniform(-0.05, 0.05, n)
+    points = np.stack([*across, relief * rng.uniform(-1, 1, n)], axis=1)
+    axis = rng.normal(size=3) * [1.0, 1.0, 0.2]
+    turn = Rotation.from_rotvec(np.radians(7.7) * axis / np.linalg.norm(axis))
+    points = Rotation.from_rotvec([0.5 * rng.normal(), 0.5 * rng.normal(), 0.0]).apply(points)
+    initial, goal = (camera.project(p + np.array([0.0, 0.0, 0.58]))[0] for p in (points, turn.apply(points)))
+    initial, goal = (p + rng.normal(0.0, 0.04, p.shape) for p in (initial, goal))
+    goal[:wrong] += np.array([20.0, -143.0]) * rng.uniform(-1.0, 1.0, (wrong, 2))
+    found = estimate_two_view(camera, initial, goal, noise=0.04)
+    assert found.status == "ok"
+    assert (found.initial_T_goal.rotation * turn).magnitude() < np.radians(0.3)

@@ -230,15 +230,15 @@ def _estimate_general(
         return TwoViewEstimate.without_pose(matches.size, "too_few_points", words, started)
     error_px = request.lens.sigma_px
     status, words = judge(fit, gates, robust, error_px)
-    if status == "not_converged" and request.may_raise(robust) and is_only_noisier(fit, gates, error_px):
-        return _estimate_general(matches.noisier(RAISE), plane, robust, request.noisier(RAISE), started)
     if status == "ok" and against:
         return TwoViewEstimate.without_pose(matches.size, "not_converged", against, started)
-    if status == "ok" and not by_squares:
+    if status in ("ok", "not_converged") and not by_squares:
         wider = with_rivals(gates, fit, request.kind, robust)
         if wider is not fit:
             fit = wider
             status, words = judge(fit, gates, robust, error_px)
+    if status == "not_converged" and request.may_raise(robust) and is_only_noisier(fit, gates, error_px):
+        return _estimate_general(matches.noisier(RAISE), plane, robust, request.noisier(RAISE), started)
     vouched = vouched_fit(gates, fit, request.kind) if status == "ok" and robust and not by_squares else fit
     if vouched is None:
         words = f"fewer than {EIGHT_POINTS} of the {matches.size} matches agree and vouch for each other"
