@@ -230,3 +230,52 @@ def test_three_points_are_too_few_and_the_eight_point_method_refuses_the_board(f
     few = estimate_two_view(fisheye, scene.pixels_initial[:3], scene.pixels_goal[:3], method="homography")
     assert few.status == "too_few_points"
     assert estimate_two_view(fisheye, *scene.noisy(rng, 0.1)).status == "planar_points"
+
+
+def two_boards(make_view, camera, rng, off):
+    """A board that is seen with one possible motion, and the same one moved by ``off`` in its own frame."""
+    while True:
+        turn, tilt = Rotation.from_rotvec(0.2 * rng.normal(size=3)), 0.5 * rng.normal(size=3)
+        shift = 0.2 * rng.normal(size=3) / 1.7
+        points = board(rng, 70, tilt)
+        there = points + Rotation.from_rotvec(tilt).apply(off)
+        try:
+            here, other = (make_view(camera, p, turn, shift) for p in (points, there))
+        except AssertionError:
+            continue
+        if len(candidates(here)) == 1:
+            return here, other
+
+
+def test_a_pattern_of_which_a_part_is_matched_one_period_off_is_no_sure_plane(fisheye, make_view):
+    """The larger part was the answer, whichever it was: before a wallpaper 45° off, and sure to 0.4°."""
+    rng, named = np.random.default_rng(110), 0
+    for wrong in 6 * (44, 26):
+        here, other = two_boards(make_view, fisheye, rng, np.array([0.05, 0.04, 0.0]))
+        initial, goal = here.noisy(rng, 0.1)
+        goal[:wrong] = other.noisy(rng, 0.1)[1][:wrong]
+        found = estimate_two_view(fisheye, initial, goal, method="homography", noise=0.1)
+        named += found.status == "ambiguous" and "others with another: a pattern repeats" in found.message
+    assert named >= 9  # a period along the epipolar lines is a plane of another depth
+
+
+def test_a_second_plane_of_the_same_scene_does_not_make_the_first_one_doubtful(fisheye, make_view):
+    rng, answered = np.random.default_rng(111), 0
+    for _ in range(10):
+        here, other = two_boards(make_view, fisheye, rng, np.array([0.0, 0.0, 0.08]))
+        (initial, goal), behind = here.noisy(rng, 0.1), other.noisy(rng, 0.1)
+        initial[:26], goal[:26] = behind[0][:26], behind[1][:26]
+        found = estimate_two_view(fisheye, initial, goal, method="homography", noise=0.1)
+        answered += found.status == "ok"
+        assert "others with another" not in found.message
+    assert answered > 5  # of others a plane leaves two motions
+
+
+def test_few_wrong_matches_beside_a_board_are_no_second_plane(fisheye, make_view):
+    rng = np.random.default_rng(112)
+    for _ in range(10):
+        here, _ = two_boards(make_view, fisheye, rng, np.zeros(3))
+        initial, goal = here.noisy(rng, 0.1)
+        goal[:26] = rng.uniform([100, 60], [550, 380], (26, 2))
+        found = estimate_two_view(fisheye, initial, goal, method="homography", noise=0.1)
+        assert "others with another" not in found.message

@@ -35,6 +35,7 @@ from omniservo.estimation.status.degenerate_motion import (
     refine_linear_map,
 )
 from omniservo.estimation.status.evidence import CONFIDENCE, largest_noise, noise_variance, simpler_model
+from omniservo.estimation.status.second_plane import second_plane
 from omniservo.estimation.two_view_estimate import Status, TwoViewEstimate
 from omniservo.estimation.two_view_request import TwoViewRequest
 from omniservo.estimation.uncertainty.joint_uncertainty import JointUncertainty
@@ -78,7 +79,7 @@ def estimate_planar(
 
     A homography of bearings, its (at most two) motions that have all points in front of both cameras, and
     their refinement on pixels with every point held on the plane. Two views of a plane mostly allow two
-    motions that no pixel tells apart: "ambiguous".
+    motions that no pixel tells apart: "ambiguous"; so are matches of two planes that no motion sees together.
     """
     n = matches.size
     if n < LEAST_PLANAR_POINTS:
@@ -89,6 +90,8 @@ def estimate_planar(
     refused = _refusal(members, matrix)
     if members.size < LEAST_SHARE * n:
         refused = "not_converged", f"only {members.size} of {n} matches are on one plane"
+    elif refused is None and (words := second_plane(matches, inside)):
+        refused = "ambiguous", words
     if refused is not None:
         return TwoViewEstimate.without_pose(n, *refused, started)
     candidates = decompose_homography(matrix, members.bearings[:, 3:])
