@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from omniservo.cameras import preset
-from omniservo.perception.agreeing_pairs import agreeing_pairs, share_on_one_plane
+from omniservo.perception.agreeing_pairs import agree_on_one_plane, agreeing_pairs, share_on_one_plane
 
 CAMERA = preset("fe185")
 
@@ -54,3 +54,23 @@ def test_the_share_of_pairs_on_one_plane_is_counted(share):
         deep = pairs(np.random.default_rng(seed + 100), 60 - round(60 * share), 0)
         found = share_on_one_plane(CAMERA, *(np.vstack(both) for both in zip(flat, deep, strict=True)))
         assert share - 0.02 < found < share + 0.15
+
+
+@pytest.mark.parametrize(("right", "wrong"), [(16, 0), (16, 6), (60, 20)])
+def test_most_pairs_of_a_plane_agree_however_few_they_are(right, wrong):
+    for seed in range(10):
+        assert agree_on_one_plane(CAMERA, *pairs(np.random.default_rng(seed), right, wrong, flat=True))
+
+
+@pytest.mark.parametrize(("right", "wrong"), [(15, 0), (30, 20), (0, 20), (0, 100)])
+def test_a_dozen_pairs_or_half_of_them_wrong_ones_do_not_agree_on_a_plane(right, wrong):
+    for seed in range(10):
+        assert not agree_on_one_plane(CAMERA, *pairs(np.random.default_rng(seed), right, wrong, flat=True))
+
+
+def test_wrong_pairs_that_lead_to_one_line_or_one_place_are_no_plane():
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        initial, goal = pairs(rng, 0, 40)
+        for squeeze in ([0.01, 1.0], [0.01, 0.01]):
+            assert not agree_on_one_plane(CAMERA, initial, goal.mean(0) + (goal - goal.mean(0)) * squeeze)

@@ -9,6 +9,7 @@ import pytest
 from scipy.spatial import SphericalVoronoi
 from textured_scenes import (
     Plate,
+    cast,
     corner,
     facing_plate,
     picture,
@@ -109,6 +110,19 @@ def test_few_pairs_among_many_features_are_too_few_unless_they_agree_on_one_moti
     few = refine_matches(CAMERA, initial, goal, elsewhere, b, FeatureMatch(pairs[: least - 1], "ok", ""))
     assert (few.status, len(few)) == ("too_few", 0)
     assert f"{least} are needed" in few.reason
+
+
+def test_few_pairs_of_one_plane_among_many_features_are_believed(scene):
+    """They agree with many motions: none is found, and they were refused however many of them agreed."""
+    plates, initial, goal, _ = scene
+    a, b = find_features(initial, CAMERA), find_features(goal, CAMERA)
+    pairs = match_features(a, b).pairs
+    plate = cast(plates, HERE, a.bearings[pairs[:, 0]])[1]
+    few = pairs[plate == np.bincount(plate[plate >= 0]).argmax()][:30]
+    assert len(few) < min(len(a.points), len(b.points)) / 16
+    found = refine_matches(CAMERA, initial, goal, a, b, FeatureMatch(few, "ok", ""))
+    assert found.status == "ok"
+    assert len(found) >= 16
 
 
 def test_the_motion_of_clear_pairs_finds_a_third_more_of_a_turned_camera():

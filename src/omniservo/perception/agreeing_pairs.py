@@ -6,7 +6,8 @@ so with the best of all matrices by chance is to be expected
     (n − 8) C(n, k) C(k, 8) p^(k − 8)
 
 times, p the share of pairs put together at random that lie as near (Moisan, Stival 2004). Matrices come from
-samples of eight pairs and from all that agree.
+samples of eight pairs and from all that agree. A plane's pairs agree with too many matrices for one to be
+found. They lie where one homography takes them: samples are of four pairs, and 4 stands for 8 above.
 """
 
 from __future__ import annotations
@@ -31,6 +32,10 @@ LEAST_CHANCE = 1e-3
 ROUNDS = 3
 _OF_PLANE = 4
 """pairs that give a homography"""
+LEAST_ON_PLANE = 16
+"""fewer leave the plane's slant, and with it the motion, uncertain"""
+LEAST_PLANE_SHARE = 2.0 / 3.0
+"""of the pairs: a pattern on the plane may be matched one period off, and fewer may be those"""
 
 
 class Agreement(NamedTuple):
@@ -55,8 +60,7 @@ def agreeing_pairs(
     """
     if len(initial) < least:
         return None
-    x, y = camera.unproject(initial)[0], camera.unproject(goal)[0]
-    band = BAND_PX * 0.5 * (radians_per_pixel(camera, initial) + radians_per_pixel(camera, goal))
+    x, y, band = _bearings(camera, initial, goal)
     rng = np.random.default_rng(0)
     samples = rng.random((SAMPLES, len(x))).argpartition(SAMPLED, axis=1)[:, :SAMPLED]
     matrices = _essential(x[samples], y[samples])
@@ -80,19 +84,46 @@ def share_on_one_plane(camera: CentralModel, initial: FloatArray, goal: FloatArr
     A plane's pairs leave many motions: what agrees with one of them is no evidence for it. The arguments are
     those of `agreeing_pairs`.
     """
-    x, y = camera.unproject(initial)[0], camera.unproject(goal)[0]
-    band = BAND_PX * 0.5 * (radians_per_pixel(camera, initial) + radians_per_pixel(camera, goal))
+    return float(_on_plane(*_bearings(camera, initial, goal))[1].mean())
+
+
+def agree_on_one_plane(camera: CentralModel, initial: FloatArray, goal: FloatArray) -> bool:
+    """Tell whether one homography explains most pairs, more of them than chance brings about.
+
+    The arguments are those of `agreeing_pairs`.
+    """
+    if len(initial) < LEAST_ON_PLANE:
+        return False
+    x, y, band = _bearings(camera, initial, goal)
+    matrix, members = _on_plane(x, y, band)
+    if members.sum() < max(LEAST_ON_PLANE, LEAST_PLANE_SHARE * len(x)):
+        return False
+    wrong = [(_gaps(matrix[None], x, np.roll(y, k, axis=0))[0] < band).mean() for k in range(1, len(x))]
+    return _false_alarms(members, float(np.mean(wrong)), _OF_PLANE) < FALSE_ALARMS
+
+
+def _on_plane(x: FloatArray, y: FloatArray, band: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Return the homography that most pairs of bearings obey within ``band`` (n,) [rad], and which do."""
     rng = np.random.default_rng(0)
     samples = rng.random((SAMPLES, len(x))).argpartition(_OF_PLANE, axis=1)[:, :_OF_PLANE]
     matrices = _homographies(x[samples], y[samples])
     best = matrices[int((_gaps(matrices, x, y) < band).mean(axis=1).argmax())]
-    share = 0.0
+    matrix, members = best, np.zeros(len(x), dtype=np.bool_)
     for _ in range(ROUNDS):
-        members = (_gaps(best[None], x, y) < band)[0]
-        if members.mean() <= share or np.count_nonzero(members) < _OF_PLANE:
+        more = (_gaps(best[None], x, y) < band)[0]
+        if more.sum() <= members.sum() or np.count_nonzero(more) < _OF_PLANE:
             break
-        share, best = float(members.mean()), _homographies(x[None, members], y[None, members])[0]
-    return share
+        members, matrix = more, best
+        best = _homographies(x[None, members], y[None, members])[0]
+    return matrix, members
+
+
+def _bearings(
+    camera: CentralModel, initial: FloatArray, goal: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return bearings (n, 3) of both images, and what `BAND_PX` pixels are there (n,) [rad]."""
+    band = BAND_PX * 0.5 * (radians_per_pixel(camera, initial) + radians_per_pixel(camera, goal))
+    return camera.unproject(initial)[0], camera.unproject(goal)[0], band
 
 
 def _homographies(x: FloatArray, y: FloatArray) -> FloatArray:
@@ -115,13 +146,16 @@ def _chance(
     matrix: FloatArray, pairs: tuple[FloatArray, FloatArray], members: BoolArray, band: FloatArray
 ) -> float:
     """Return how many matrices agree with as many pairs, to be expected of pairs that are all wrong."""
-    n, k = len(members), int(np.count_nonzero(members))
-    turned = [np.roll(pairs[1], shift, axis=0) for shift in range(1, n)]
+    turned = [np.roll(pairs[1], shift, axis=0) for shift in range(1, len(members))]
     near = [(_distances(matrix[None], pairs[0], other)[0] < band).mean() for other in turned]
-    share = max(float(np.mean(near)), LEAST_CHANCE)
-    log = (
-        math.log(n - SAMPLED) + _log_choose(n, k) + _log_choose(k, SAMPLED) + (k - SAMPLED) * math.log(share)
-    )
+    return _false_alarms(members, float(np.mean(near)), SAMPLED)
+
+
+def _false_alarms(members: BoolArray, share: float, sampled: int) -> float:
+    """Return the expected number of models as good, of which ``share`` of wrong pairs agree with one."""
+    n, k = len(members), int(np.count_nonzero(members))
+    by_chance = (k - sampled) * math.log(max(share, LEAST_CHANCE))
+    log = math.log(n - sampled) + _log_choose(n, k) + _log_choose(k, sampled) + by_chance
     return math.exp(min(log, 50.0))
 
 

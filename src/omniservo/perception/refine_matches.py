@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from omniservo.cameras.models import CentralModel
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import BoolArray, ByteArray, FloatArray, IntArray, owned
-from omniservo.perception.agreeing_pairs import agreeing_pairs
+from omniservo.perception.agreeing_pairs import agree_on_one_plane, agreeing_pairs
 from omniservo.perception.align_patches import WINDOW, Alignment, align, make_templates, window_variance
 from omniservo.perception.features import Features
 from omniservo.perception.image_points import ImagePoints
@@ -33,7 +33,7 @@ CORRELATED = (1.1, 20.0)
 patches differ, by 1 − correlation, the less it is noise and the farther what differs hangs together."""
 LEAST_SHARE = 1.0 / 16.0
 """of the features of the image that has fewer. As many pairs are wrong however few are right: fewer pairs
-are trusted only where they agree on one motion beyond chance."""
+are trusted only where they agree on one motion, or most of them on one plane, beyond chance."""
 MOST_ERROR = 0.3
 """[px] standard deviation of the worst pair, in its worst direction"""
 
@@ -119,7 +119,7 @@ def refine_matches(
     good[good] = _once((start[good], pixels[good]), found.correlation[good])
     count = int(good.sum())
     least = max(LEAST_PAIRS, math.ceil(LEAST_SHARE * min(len(initial.points), len(goal.points))))
-    if count < least and agreeing_pairs(camera, start[good], pixels[good]) is None:
+    if count < least and not _agree(camera, start[good], pixels[good]):
         seen_in = f"{len(initial.points)} and {len(goal.points)} features"
         words = f"{count} of {len(good)} pairs look alike all round; {least} are needed, of {seen_in}"
         return refused("too_few", words)
@@ -134,6 +134,11 @@ def refused(status: Status, reason: str) -> ImageMatch:
     """Return no match, and why."""
     none = ImagePoints(np.zeros((0, 2)), np.zeros((0, 2, 2)))
     return ImageMatch(none, none, np.zeros(0), np.zeros(0), status, reason)
+
+
+def _agree(camera: CentralModel, initial: FloatArray, goal: FloatArray) -> bool:
+    """Tell whether pairs (n, 2) [px] agree on one motion, or most of them on one plane, beyond chance."""
+    return agreeing_pairs(camera, initial, goal) is not None or agree_on_one_plane(camera, initial, goal)
 
 
 def _errors(camera: CentralModel, found: Alignment, one: TangentFrames, other: TangentFrames) -> FloatArray:
