@@ -66,6 +66,16 @@ def test_discs_of_hundreds_of_pixels_are_found():
     assert np.abs(view.pixels - centres[view.ids]).max() < 0.05
 
 
+@pytest.mark.parametrize("board", [SYMMETRIC, ASYMMETRIC], ids=["symmetric", "asymmetric"])
+def test_light_discs_on_a_dark_board_are_found_where_dark_ones_are(board):
+    camera = preset("perspective")
+    image = render(camera, board, facing(board, (0.1, 0, 1), 0.35, (0.3, 0.2), 0.4))
+    dark, light = find_board(image, board), find_board(255 - image, board)
+    assert len(dark) == len(board.points)
+    np.testing.assert_array_equal(light.ids, dark.ids)
+    np.testing.assert_allclose(light.pixels, dark.pixels, atol=0.02)
+
+
 def test_without_this_grid_there_is_a_reason():
     camera = preset("perspective")
     image = render(camera, SYMMETRIC, facing(SYMMETRIC, (0, 0, 1), 0.35))

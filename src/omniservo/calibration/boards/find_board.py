@@ -63,7 +63,9 @@ def _found(grey: ByteArray, board: Board, camera: CentralModel | None) -> tuple[
     if isinstance(board, AprilGrid):
         return find_aprilgrid(grey, board), aprilgrid_corners(grey, board)
     if isinstance(board, CircleGrid):
-        return find_circles(grey, board, camera, mirrored=mirrored), None
+        dark = find_circles(grey, board, camera, mirrored=mirrored)
+        light = dark if dark.found else find_circles(255 - grey, board, camera, mirrored=mirrored)
+        return light if light.found else dark, None
     raise InputError(f"board: {spelled(board)} given; legal: what board_from_text returns")
 
 
