@@ -129,6 +129,7 @@ def test_where_there_is_no_pose_the_command_says_why_and_writes_the_report(views
     code, _, said = ended(call(views, *more, images="view-[0126].png"), capsys)
     assert code == 1
     assert "too_few_views: 3 of 4 views can be used; at least 4 are needed" in said
+    assert "in 1 of the images: no chequered pattern of 9×6 inner corners" in " ".join(said.split())
     assert [line.startswith("omniservo: ") for line in said.splitlines()][-1]
     assert said.count("omniservo: ") == 1
     assert not out.exists()

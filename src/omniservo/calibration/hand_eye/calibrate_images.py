@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -96,7 +97,11 @@ def calibrate_hand_eye_images(
         replace(view, reason=seen.reason) if seen.reason else view
         for view, seen in zip(result.views, found, strict=True)
     )
-    return ImageHandEye(camera, paths, tuple(seen.pixels for seen in found), replace(result, views=views))
+    message, said = result.message, Counter(seen.reason for seen in found if seen.reason).most_common(1)
+    if result.status == "too_few_views" and said:
+        message += f"; in {said[0][1]} of the images: {said[0][0]}"
+    result = replace(result, views=views, message=message)
+    return ImageHandEye(camera, paths, tuple(seen.pixels for seen in found), result)
 
 
 def _look(image: ByteArray, camera: CentralModel, target: Board | Target) -> _Found:
