@@ -8,7 +8,7 @@ That k of r matches left out lie within g px of the best homography by chance is
 
     (r − 4) C(r, k) C(k, 4) (π g²/A)^(k − 4)
 
-times, A [px²] the part of the image in which matches lie (Moisan and Stival, IJCV 2004).
+times, A [px²] the part of the image in which they lie (Moisan and Stival, IJCV 2004).
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def second_plane(matches: Matches, inside: BoolArray) -> str:
     if len(left) < least:
         return ""
     rest, gate = matches.where(~inside), max(GATE_PX, GATE * matches.noise_px)
-    part = math.pi * gate**2 / max(float(np.ptp(matches.pixels[:, 2:], axis=0).prod()), 1.0)
+    part = math.pi * gate**2 / max(float(np.ptp(rest.pixels[:, 2:], axis=0).prod()), 1.0)
     for group, _ in flat_groups(rest, sampled_distances(rest), gate, least):
         k, r = int(group.sum()), rest.size
         log = math.log(max(r - SAMPLE, 1)) + (k - SAMPLE) * math.log(min(part, 1.0))
