@@ -317,3 +317,85 @@ def test_a_name_that_two_cameras_of_a_file_have_is_refused(tmp_path):
     path.write_text("1 PINHOLE 640 480 500 500 320 240\n1 PINHOLE 640 480 900 900 320 240\n")
     with pytest.raises(InputError, match="cameras.txt: 2 cameras named '1'; legal: a name of its own each"):
         load_model(path, name="1")
+
+
+OPENCV_5 = {
+    "xml": """<?xml version="1.0"?>
+<opencv_storage>
+<image_width>640</image_width>
+<image_height>480</image_height>
+<camera_matrix type_id="opencv-matrix">
+  <rows>3</rows>
+  <cols>3</cols>
+  <dt>d</dt>
+  <data>
+    500. 0. 320. 0. 510. 240. 0. 0. 1.</data></camera_matrix>
+<distortion_coefficients type_id="opencv-nd-matrix">
+  <sizes>
+    5</sizes>
+  <dt>d</dt>
+  <data>
+    0.1 -0.2 0.001 0.002
+    0.05</data></distortion_coefficients>
+</opencv_storage>
+""",
+    "yaml": """%YAML 1.2
+---
+image_width: 640
+image_height: 480
+camera_matrix: !!opencv-matrix
+   rows: 3
+   cols: 3
+   dt: d
+   data: [ 500., 0., 320., 0., 510., 240., 0., 0., 1. ]
+distortion_coefficients: !!opencv-nd-matrix
+   sizes: [ 5 ]
+   dt: d
+   data: [ 0.1, -0.2, 0.001,
+       0.002, 0.05 ]
+""",
+}
+OPENCV_5["json"] = json.dumps(
+    {
+        "image_width": 640,
+        "image_height": 480,
+        "camera_matrix": {
+            "type_id": "opencv-matrix",
+            "rows": 3,
+            "cols": 3,
+            "dt": "d",
+            "data": [500.0, 0.0, 320.0, 0.0, 510.0, 240.0, 0.0, 0.0, 1.0],
+        },
+        "distortion_coefficients": {
+            "type_id": "opencv-nd-matrix",
+            "sizes": [5],
+            "dt": "d",
+            "data": [0.1, -0.2, 0.001, 0.002, 0.05],
+        },
+    },
+    indent=4,
+)
+
+
+@pytest.mark.parametrize("suffix", OPENCV_5)
+def test_arrays_of_one_dimension_as_opencv_5_writes_them_are_read(tmp_path, suffix):
+    camera = load_model(written(tmp_path, OPENCV_5[suffix], f"camera.{suffix}"))
+    assert (camera.fx, camera.fy, camera.cx, camera.cy) == (500.0, 510.0, 320.0, 240.0)
+    assert camera.distortion == (0.1, -0.2, 0.001, 0.002, 0.05)
+
+
+@pytest.mark.parametrize(
+    ("sizes", "message"),
+    [
+        ("[ 4 ]", "5 numbers given; 4 are needed"),
+        ("[ 5, 2 ]", "5 numbers given; 5 x 2 are needed"),
+        ("[ -5 ]", "sizes: [0]-5 given"),
+        ("[ x ]", "sizes: [0]'x' given"),
+        ("{ a: 5 }", "sizes: [0]{'a': 5} given"),
+    ],
+)
+def test_sizes_that_are_none_of_the_data_are_refused(tmp_path, sizes, message):
+    text = OPENCV_5["yaml"].replace("[ 5 ]", sizes)
+    with pytest.raises(InputError, match="distortion_coefficients") as caught:
+        load_model(written(tmp_path, text))
+    assert message in str(caught.value)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
@@ -125,26 +126,36 @@ class CalibrationFile:
     def matrix(self, *path: str | int) -> tuple[float, ...]:
         """Return the numbers, row by row, of a list, of a list of rows, or of {rows, cols, data}.
 
+        OpenCV 5 writes {sizes, data} of what has one dimension, or more than two.
+
         Raises:
             InputError: another count than rows × cols, or not finite numbers.
         """
         value = self.value(*path)
         if isinstance(value, Mapping):
-            rows, cols = (self.number(*path, name, minimum=0.0) for name in ("rows", "cols"))
+            sizes = self._sizes(value, *path)
             channels = re.fullmatch(r"(\d{0,3})[a-z]", str(value.get("dt", "d")))
             if channels is None:
                 raise self.error(f"{spelled(value['dt'])} given; legal: as in OpenCV, d or 2f", *path, "dt")
             values, path = self.value(*path, "data"), (*path, "data")
             values = [] if values in (None, "") else values if isinstance(values, list) else [values]
-            count = rows * cols * int(channels[1] or 1)
-            if len(values) != count:
-                raise self.error(f"{len(values)} numbers given; {rows:g} x {cols:g} are needed", *path)
+            if len(values) != math.prod(sizes) * int(channels[1] or 1):
+                needed = " x ".join(f"{size:g}" for size in sizes)
+                raise self.error(f"{len(values)} numbers given; {needed} are needed", *path)
         elif isinstance(value, list):
             nested = value and all(isinstance(row, list) for row in value)
             values = [v for row in value for v in row] if nested else value
         else:
             raise self.error(f"{spelled(value)} given; a matrix or list of numbers is needed", *path)
         return tuple(self._number(v, path, f"[{i}]", -float("inf"), False) for i, v in enumerate(values))
+
+    def _sizes(self, matrix: Mapping[str, Any], *path: str | int) -> list[float]:
+        """Return how long each dimension of a matrix of OpenCV's is: rows and columns, or its sizes."""
+        if "sizes" not in matrix:
+            return [self.number(*path, name, minimum=0.0) for name in ("rows", "cols")]
+        sizes = matrix["sizes"]
+        sizes, path = sizes if isinstance(sizes, list) else [sizes], (*path, "sizes")
+        return [self._number(size, path, f"[{i}]", 0.0, False) for i, size in enumerate(sizes)]
 
     def intrinsics(self, *path: str | int) -> dict[str, float]:
         """Return fx, fy, cx, cy, skew of a field that holds K (3, 3).

@@ -64,7 +64,8 @@ def parse_fields(text: str, source: str) -> tuple[Mapping[str, Any], Callable[[F
         if lens is not None:
             table[LENS] = parse_document(lens[1], source)
         return table, lambda path: _line_of_row(numbers, path)
-    plain = re.sub(r"^%YAML.*$", "", text, count=1, flags=re.MULTILINE).replace("!!opencv-matrix", "")
+    plain = re.sub(r"^%YAML.*$", "", text, count=1, flags=re.MULTILINE)
+    plain = re.sub(r"!!opencv-(nd-)?matrix", "", plain)
     plain = re.sub(r"\n---\s*\Z", "\n", plain)
     fields = parse_document(plain, source)
     if not isinstance(fields, Mapping):
