@@ -64,6 +64,19 @@ def test_what_is_no_pose_stays_none_among_wrong_matches(fisheye, make_view, make
     assert statuses.count(kind) >= 10
 
 
+def test_half_of_two_thousand_matches_are_wrong(fisheye, make_view):
+    rng = np.random.default_rng(2000)
+    points = rng.uniform([-0.25, -0.2, 0.4], [0.25, 0.2, 0.8], (2000, 3))
+    scene = make_view(fisheye, points, TURN, SHIFT)
+    initial, goal = scene.noisy(rng, 0.3)
+    goal[:1000] = goal[:1000][rng.permutation(1000)]
+    found = estimate_two_view(fisheye, initial, goal, noise=0.3)
+    assert found.status == "ok", found.message
+    assert 950 < found.inliers.sum() < 1100
+    turn = (scene.initial_T_goal.rotation.inv() * found.initial_T_goal.rotation).magnitude()
+    assert math.degrees(turn) < 0.3
+
+
 def test_a_scene_with_a_wall_behind_its_target_is_a_pose(fisheye, make_view):
     """Two thirds of the matches on one plane, a few wrong: parallax of the others is real."""
     rng = np.random.default_rng(93)

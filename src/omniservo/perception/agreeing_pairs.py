@@ -12,14 +12,13 @@ found. They lie where one homography takes them: samples are of four pairs, and 
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import gammaln
 
 from omniservo.cameras.models import CentralModel
 from omniservo.geometry.arrays import BoolArray, FloatArray
+from omniservo.geometry.false_alarms import false_alarms
 
 SAMPLED = 8
 SAMPLES = 600
@@ -99,7 +98,7 @@ def agree_on_one_plane(camera: CentralModel, initial: FloatArray, goal: FloatArr
     if members.sum() < max(LEAST_ON_PLANE, LEAST_PLANE_SHARE * len(x)):
         return False
     wrong = [(_gaps(matrix[None], x, np.roll(y, k, axis=0))[0] < band).mean() for k in range(1, len(x))]
-    return _false_alarms(members, float(np.mean(wrong)), _OF_PLANE) < FALSE_ALARMS
+    return _chance_of_all(members, float(np.mean(wrong)), _OF_PLANE) < FALSE_ALARMS
 
 
 def _on_plane(x: FloatArray, y: FloatArray, band: FloatArray) -> tuple[FloatArray, BoolArray]:
@@ -148,15 +147,13 @@ def _chance(
     """Return how many matrices agree with as many pairs, to be expected of pairs that are all wrong."""
     turned = [np.roll(pairs[1], shift, axis=0) for shift in range(1, len(members))]
     near = [(_distances(matrix[None], pairs[0], other)[0] < band).mean() for other in turned]
-    return _false_alarms(members, float(np.mean(near)), SAMPLED)
+    return _chance_of_all(members, float(np.mean(near)), SAMPLED)
 
 
-def _false_alarms(members: BoolArray, share: float, sampled: int) -> float:
-    """Return the expected number of models as good, of which ``share`` of wrong pairs agree with one."""
+def _chance_of_all(members: BoolArray, share: float, sampled: int) -> float:
+    """Return how many models are as good by chance, of which ``share`` of wrong pairs agree with one."""
     n, k = len(members), int(np.count_nonzero(members))
-    by_chance = (k - sampled) * math.log(max(share, LEAST_CHANCE))
-    log = math.log(n - sampled) + _log_choose(n, k) + _log_choose(k, sampled) + by_chance
-    return math.exp(min(log, 50.0))
+    return false_alarms(n, k, sampled, max(share, LEAST_CHANCE), n - sampled)
 
 
 def _essential(x: FloatArray, y: FloatArray) -> FloatArray:
@@ -182,7 +179,3 @@ def radians_per_pixel(camera: CentralModel, pixels: FloatArray) -> FloatArray:
     )
     area = np.linalg.norm(np.cross(around[:, 0] - around[:, 1], around[:, 2] - around[:, 3]), axis=1)
     return np.asarray(np.sqrt(np.where(valid.all(axis=1), area, np.nanmedian(area))))
-
-
-def _log_choose(n: int, k: int) -> float:
-    return float(gammaln(n + 1) - gammaln(k + 1) - gammaln(n - k + 1))

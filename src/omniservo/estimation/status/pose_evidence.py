@@ -18,7 +18,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import chdtri, gammaln
+from scipy.special import chdtri
 
 from omniservo.estimation.pose_estimate import PoseStatus
 from omniservo.estimation.refinement.motion_search import LEAST_NOISE_PX
@@ -26,6 +26,7 @@ from omniservo.estimation.robust.pose_fit import CHECKED_POINTS, FEW_POINTS, Kno
 from omniservo.estimation.robust.pose_search import PRIOR_NOISE_PX, PRIOR_WEIGHT, pose_score
 from omniservo.estimation.status.evidence import largest_noise
 from omniservo.geometry.arrays import FloatArray
+from omniservo.geometry.false_alarms import false_alarms
 
 NEARLY_AS_LIKELY = 0.1
 """A far minimum that is at least so likely beside the best one makes the answer ambiguous."""
@@ -160,9 +161,4 @@ def chance_poses(fit: PoseFit, known: KnownPixels) -> float:
     width, height = np.maximum(np.ptp(known.pixels, axis=0), 1.0)
     square = max(float(squares[fit.members].max()), LEAST_NOISE_PX**2) * k / (k - 3)
     part = min(1.0, math.pi * square / float(width * height))
-    tries = math.log(4.0) + _log_choose(n, 3)
-    return math.exp(min(tries + _log_choose(n - 3, k - 3) + (k - 3) * math.log(part), 50.0))
-
-
-def _log_choose(n: int, k: int) -> float:
-    return float(gammaln(n + 1) - gammaln(k + 1) - gammaln(n - k + 1))
+    return false_alarms(n, k, 3, part, 4.0)

@@ -22,6 +22,7 @@ from omniservo.estimation.robust.members import GATE
 from omniservo.estimation.robust.two_view_fit import EIGHT_POINTS, NEARLY_ALL, SIGNIFICANCE, fit_two_views
 from omniservo.estimation.status.moving_planes import SAMPLE, flat_groups, sampled_distances
 from omniservo.geometry.arrays import BoolArray, IntArray
+from omniservo.geometry.false_alarms import false_alarms
 
 LEAST_SHARE = 0.15
 """of the plane's matches; fewer are some small thing"""
@@ -45,8 +46,7 @@ def second_plane(matches: Matches, inside: BoolArray) -> str:
     part = math.pi * gate**2 / max(float(np.ptp(rest.pixels[:, 2:], axis=0).prod()), 1.0)
     for group, _ in flat_groups(rest, sampled_distances(rest), gate, least):
         k, r = int(group.sum()), rest.size
-        log = math.log(max(r - SAMPLE, 1)) + (k - SAMPLE) * math.log(min(part, 1.0))
-        if log + math.log(math.comb(r, k)) + math.log(math.comb(k, SAMPLE)) > math.log(SIGNIFICANCE):
+        if false_alarms(r, k, SAMPLE, part, max(r - SAMPLE, 1)) > SIGNIFICANCE:
             continue
         if not _is_one_scene(matches, inside, left[group]):
             return (

@@ -38,6 +38,7 @@ from omniservo.estimation.status.evidence import two_motions_apart
 from omniservo.estimation.status.moving_planes import bent_to_plane
 from omniservo.estimation.two_view_estimate import Status
 from omniservo.geometry.arrays import FloatArray
+from omniservo.geometry.false_alarms import false_alarms
 
 DECISIVE = math.log(1e3)
 SOLUTIONS = 4
@@ -220,5 +221,4 @@ def _likelihood(matches: Matches, groups: list[tuple[int, float]]) -> float:
 
 
 def _by_chance(matches: Matches, left: int, k: int, sigma: float) -> float:
-    band = min(1.0, 2.0 * GATE * sigma / _width(matches))
-    return math.comb(left, k) * math.comb(k, MOTION_PARAMETERS) * SOLUTIONS * band ** (k - MOTION_PARAMETERS)
+    return false_alarms(left, k, MOTION_PARAMETERS, 2.0 * GATE * sigma / _width(matches), SOLUTIONS)
