@@ -214,6 +214,21 @@ def _is_behind(
 
 
 @kernel
+def write_border_step(normal: FloatArray, gradient: FloatArray, room: float, step: FloatArray) -> bool:
+    """Replace a direction by the step s farthest along it with 2g·s + sᵀHs ≤ room; False: H is singular."""
+    size, ahead, back = gradient.shape[0], step.copy(), gradient.copy()
+    for i in range(size):
+        normal[i, i] *= 1.0 + 1e-6
+    if not factor_cholesky(normal, size, 1e-15):
+        return False
+    solve_factored(normal, size, ahead)
+    solve_factored(normal, size, back)
+    far = math.sqrt(max(room + (gradient * back).sum(), 0.0) / (step * ahead).sum())
+    step[:] = far * ahead - back
+    return True
+
+
+@kernel
 def _walk(
     bearings: FloatArray,
     jacobians: FloatArray,
@@ -232,7 +247,7 @@ def _walk(
     """
     normal, gradient, tangents = np.empty((5, 5)), np.empty(5), np.empty((2, 3))
     essential, trial_r, trial_t = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
-    ahead, back, along = np.empty(5), np.empty(5), np.empty(5)
+    step = np.empty(5)
     reach = GATE * math.sqrt(room / quantile)
     for k in range(STEPS):
         part = min(1.0, (k + 1.0) / (STEPS - 2.0))
@@ -241,32 +256,18 @@ def _walk(
         here = accumulate_distances(
             bearings, jacobians, math.inf, rotation, essential, tangents, normal, gradient
         )
-        for i in range(5):
-            normal[i, i] *= 1.0 + 1e-6
-        if not factor_cholesky(normal, 5, 1e-15):
+        _along(way, tangents, step)
+        if not write_border_step(normal, gradient, cost + part * part * room - here, step):
             return
-        _along(way, tangents, along)
-        ahead[:], back[:] = along, gradient
-        solve_factored(normal, 5, ahead)
-        solve_factored(normal, 5, back)
-        gain, drop, length = 0.0, 0.0, 0.0
-        for i in range(5):
-            gain += along[i] * ahead[i]
-            drop += gradient[i] * back[i]
-        far = math.sqrt(max(cost + part * part * room - here + drop, 0.0) / gain)
-        for i in range(5):
-            ahead[i] = far * ahead[i] - back[i]
-            length += ahead[i] * ahead[i]
-        shorter = min(1.0, LONGEST_STEP / math.sqrt(length + 1e-300))
-        ahead *= shorter
+        step *= min(1.0, LONGEST_STEP / math.sqrt((step * step).sum() + 1e-300))
         over = True
         for _ in range(HALVINGS):
-            move_motion(rotation, translation, tangents, ahead, trial_r, trial_t)
+            move_motion(rotation, translation, tangents, step, trial_r, trial_t)
             essential_matrix(trial_r, trial_t, essential)
             over = sampson_cost(bearings, jacobians, math.inf, essential) > cost + (1.0 + STRAIGHT) * room
             if not over:
                 break
-            ahead *= 0.5
+            step *= 0.5
         if over:
             return
         for j in range(bearings.shape[0]):

@@ -16,7 +16,6 @@ from scipy.special import chdtri
 
 from omniservo.estimation.refinement.pose_minima import COST
 from omniservo.estimation.refinement.pose_refinement import (
-    LEAST_PIVOT,
     PoseEquations,
     normal_equations,
     pose_cost,
@@ -30,10 +29,10 @@ from omniservo.estimation.uncertainty.likelihood_region import (
     STEPS,
     STRAIGHT,
     stretch_weights,
+    write_border_step,
 )
 from omniservo.geometry.arrays import FloatArray
 from omniservo.geometry.kernel import kernel
-from omniservo.geometry.linear_systems import factor_cholesky, solve_factored
 from omniservo.geometry.quaternions import turn_quaternion
 
 BEYOND = math.erfc(5.0 / math.sqrt(2.0))
@@ -132,31 +131,16 @@ def _walk(
     pose: FloatArray,
 ) -> None:
     """Move the best pose to where ``way`` is largest on the border of the region; see `likelihood_region`."""
-    equations, ahead, step = PoseEquations(np.empty((6, 6)), np.empty(6)), np.empty(6), np.empty(6)
-    normal, gradient = equations.normal, equations.gradient
-    cost = math.inf
+    equations, cost = PoseEquations(np.empty((6, 6)), np.empty(6)), math.inf
     for k in range(STEPS):
         part = min(1.0, (k + 1.0) / (STEPS - 2.0))
         q, t = pose[:4].copy(), pose[4:].copy()
         here = normal_equations(parameters, points, pixels, weights, math.inf, q, t, equations)
         cost = min(cost, here)
-        for i in range(6):
-            ahead[i], step[i] = way[i], gradient[i]
-            normal[i, i] *= 1.0 + 1e-6
-        if not factor_cholesky(normal, 6, LEAST_PIVOT):
+        left, step = cost + part * part * room - here, way.copy()
+        if not write_border_step(equations.normal, equations.gradient, left, step):
             return
-        solve_factored(normal, 6, ahead)
-        solve_factored(normal, 6, step)
-        gain, drop, turn = 0.0, 0.0, 0.0
-        for i in range(6):
-            gain += way[i] * ahead[i]
-            drop += gradient[i] * step[i]
-        far = math.sqrt(max(cost + part * part * room - here + drop, 0.0) / gain)
-        for i in range(6):
-            step[i] = far * ahead[i] - step[i]
-        for i in range(3, 6):
-            turn += step[i] * step[i]
-        shorter = min(1.0, LONGEST_STEP / math.sqrt(turn + 1e-300))
+        shorter = min(1.0, LONGEST_STEP / math.sqrt((step[3:] * step[3:]).sum() + 1e-300))
         over = True
         for _ in range(HALVINGS):
             turned = turn_quaternion(q, shorter * step[3], shorter * step[4], shorter * step[5])
