@@ -109,13 +109,13 @@ def duplicate_structure(matches: Matches, fit: TwoViewFit) -> Duplicate | None:
         return None
     places = _Places.of(matches.bearings[fit.members], fit.minima[0])
     tried, best, most, everything = 0, None, 0, np.arange(len(places.own))
-    for rotation, translation in _motions(left.bearings):
-        for length in places.lengths(rotation, translation):
+    for motion in _motions(left.bearings):
+        for length in places.lengths(motion.rotation, motion.translation):
             tried += 1
-            taken = places.taken(rotation, length * translation[None], everything)
+            taken = places.taken(motion.rotation, length * motion.translation[None], everything)
             count = len(np.unique(taken[taken >= 0]))
             if count > most:
-                most, best = count, Minimum(0.0, rotation, translation, places.points, True)
+                most, best = count, motion
     checked = len(places.own)
     if best is None or most < SHARE * checked:
         return None
@@ -123,13 +123,14 @@ def duplicate_structure(matches: Matches, fit: TwoViewFit) -> Duplicate | None:
     return Duplicate(best, most, checked) if by_chance < CHANCE else None
 
 
-def _motions(bearings: FloatArray) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """Yield the motions (R, t) of samples of five matches (n, 6), all five in front of both cameras."""
+def _motions(bearings: FloatArray) -> Iterator[Minimum]:
+    """Yield the motions that samples of five matches (n, 6) obey, all five in front of both cameras."""
     essentials, rng = np.empty((MOST_SOLUTIONS, 3, 3)), np.random.default_rng(0)
     everything = np.arange(SAMPLE)
     for _ in range(SAMPLES if len(bearings) > SAMPLE else 1):
         five = bearings[rng.choice(len(bearings), SAMPLE, replace=False)]
         for essential in essentials[: five_point_essentials(five, everything, essentials)]:
-            rotation, translation = np.empty((3, 3)), np.empty(3)
+            rotation, translation, points = np.empty((3, 3)), np.empty(3), np.empty((SAMPLE, 3))
             if motion_in_front(five, essential, rotation, translation) == SAMPLE:
-                yield rotation, translation
+                linear_structure(five, rotation, translation, points)
+                yield Minimum(0.0, rotation, translation, points, True)
