@@ -13,8 +13,8 @@ from omniservo.estimation.matches import Matches
 from omniservo.estimation.robust.two_view_fit import fit_two_views
 from omniservo.estimation.status.duplicate_structure import duplicate_structure
 
-BODIES = 5
-"""index of the symmetric bodies in `KINDS`"""
+LATTICES, BODIES = 4, 5
+"""indices of lattices matched one period off as a whole, and of symmetric bodies, in `KINDS`"""
 
 
 def pixels_of(camera, scene, noise, rng):
@@ -135,6 +135,13 @@ def test_symmetric_bodies_matched_to_their_turned_selves_are_hardly_ever_answere
     tempting = [found.status for scene, found in scenes if scene.right >= 5]
     assert len(tempting) >= 25
     assert tempting.count("ok") <= 0.1 * len(tempting)
+
+
+@pytest.mark.parametrize("k", [47, 72, 188])
+def test_a_motion_that_bends_to_a_lattice_and_its_background_is_seen_by_the_lattice_alone(k):
+    _, found = answered(LATTICES, k, 779)
+    assert found.status == "ambiguous"
+    assert "a structure that repeats" in found.message
 
 
 def test_a_lattice_that_is_matched_rightly_is_answered_beside_a_few_wrong_matches():
