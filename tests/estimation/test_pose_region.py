@@ -9,6 +9,7 @@ from scipy.special import chdtri
 
 from omniservo.cameras import preset
 from omniservo.estimation import estimate_known_target, estimate_pose
+from omniservo.estimation.uncertainty.pose_region import walk_poses
 
 CAMERA = preset("fe185")
 TAG = 0.05 * np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
@@ -52,6 +53,28 @@ def test_a_small_plane_seen_nearly_face_on_is_not_known_better_than_it_is(points
     assert len(squares) > 100
     assert np.mean(np.array(squares) < INSIDE) > 0.95
     assert max(squares) < SURE
+
+
+def test_the_tips_of_a_region_lie_in_it():
+    sizes = []
+    for k in range(60):
+        rng = np.random.default_rng([k, 13])
+        pixels = seen(rng, TAG, view(rng, 0.05, 0.8), 0.3)
+        pose = estimate_pose(CAMERA, TAG, pixels, noise=0.3).reference_T_camera
+        if pose is None:
+            continue
+        slopes, room = numeric_slopes(TAG, pose), SURE * 0.3**2
+        values, axes = np.linalg.eigh(0.3**2 * np.linalg.inv(slopes.T @ slopes))
+        ways = np.concatenate([sign * (axes * np.sqrt(values)).T for sign in (1.0, -1.0)])
+        best = np.concatenate((pose.rotation.as_quat(), pose.translation))
+        tips = walk_poses(CAMERA.parameters, TAG, pixels, np.ones(4), best, ways, np.ones(6), math.sqrt(room))
+        least = np.square(CAMERA.project(pose.inv().apply(TAG))[0] - pixels).sum()
+        for tip in tips:
+            there = RigidTransform.from_components(tip[4:], Rotation.from_quat(tip[:4]))
+            sizes.append((np.square(CAMERA.project(there.inv().apply(TAG))[0] - pixels).sum() - least) / room)
+    assert len(sizes) > 200
+    assert max(sizes) < 1.16
+    assert np.median(sizes) > 0.5
 
 
 def test_a_motion_between_two_such_views_is_not_either():
