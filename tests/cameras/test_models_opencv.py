@@ -66,7 +66,8 @@ def test_pinhole_is_cv2_project_points_with_every_length_of_distortion(count):
     assert valid.all()
     assert np.abs(theirs[:, 0] - ours).max() <= 1e-9
     distortion = np.array(ALL[:count])
-    plane = cv2.undistortPointsIter(pixels[:, None], matrix(camera), distortion, None, None, TIGHT)[:, 0]
+    undistort = getattr(cv2, "undistortPointsIter", cv2.undistortPoints)  # OpenCV 5 has one function for both
+    plane = undistort(pixels[:, None], matrix(camera), distortion, R=None, P=None, criteria=TIGHT)[:, 0]
     rays, _ = camera.unproject(pixels)
     back = camera.project(np.column_stack([plane, np.ones(len(plane))]))[0]
     converged = np.abs(back - pixels).max(axis=1) <= 1e-9

@@ -20,6 +20,7 @@ from omniservo.estimation.two_view_estimate import Status, TwoViewEstimate
 from omniservo.estimation.view_points import CheckedPoints
 from omniservo.estimation.view_scale import GaugeLength
 from omniservo.geometry.arrays import BoolArray, FloatArray
+from omniservo.geometry.nearest_rotation import nearest_rotation
 
 THRESHOLD_PX = 3.0
 """Distance at which a pixel stops to count while a point is placed; in σ·6 where the noise is stated."""
@@ -231,8 +232,7 @@ def _promise(views: PlacedViews, a: int, b: int) -> float:
     first, second = views.given.bearings[a, both], views.given.bearings[b, both]
     near = np.ones(len(first), dtype=np.bool_)
     for _ in range(3):  # wrong matches are the farthest ones
-        u, _, vt = np.linalg.svd(first[near].T @ second[near])
-        turn = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
+        turn = nearest_rotation(first[near].T @ second[near])
         apart = np.linalg.norm(first - second @ turn.T, axis=1)
         near = apart <= 3.0 * np.median(apart)
     parallax = min(max(float(np.median(apart)), LEAST_PARALLAX), ENOUGH_PARALLAX)

@@ -12,6 +12,7 @@ import numpy as np
 from omniservo.cameras.models import CentralModel
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array, finite_number
+from omniservo.geometry.nearest_rotation import nearest_rotation
 from omniservo.perception.dot_centres import circles, tangent_ellipses
 from omniservo.perception.dots import FoundDots
 from omniservo.perception.epipolar_kernels import score_hypotheses
@@ -175,9 +176,7 @@ def _rigid_motions(view_a: _View, view_b: _View, partners: IntArray) -> FloatArr
     targets = view_b.cloud[np.maximum(partners, 0)]
     mean_a, mean_b = weight @ view_a.cloud, (weight[..., None] * targets).sum(1)
     off_a, off_b = view_a.cloud - mean_a[:, None], targets - mean_b[:, None]
-    u, _, vt = np.linalg.svd((weight[..., None] * off_b).swapaxes(1, 2) @ off_a)
-    u[:, :, 2] *= np.sign(np.linalg.det(u @ vt))[:, None]
-    rotation = u @ vt
+    rotation = nearest_rotation((weight[..., None] * off_b).swapaxes(1, 2) @ off_a)
     t = mean_b - (rotation @ mean_a[..., None])[..., 0]
     return np.concatenate([rotation.reshape(-1, 9), t], axis=1)
 

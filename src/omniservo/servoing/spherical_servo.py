@@ -11,6 +11,7 @@ import numpy as np
 from omniservo.errors import FeatureLoss
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray, IntArray
+from omniservo.geometry.nearest_rotation import nearest_rotation
 from omniservo.servoing.adaptive_gain import Gain, refuse_wrong_gain
 from omniservo.servoing.feedback import feedback
 from omniservo.servoing.rotation_vector import (
@@ -157,11 +158,7 @@ def _rotation(seen: ServoMeasurement) -> tuple[FloatArray, FloatArray]:
     hence with ω + W υ for ds = −(1/d)(I − s sᵀ) υ + s × ω.
     """
     s, goal = seen.bearings, seen.goal_bearings
-    u, _, vt = np.linalg.svd(goal.T @ s)
-    rotation: FloatArray = u @ vt
-    if np.linalg.det(rotation) < 0.0:
-        u[:, 2] *= -1.0
-        rotation = u @ vt
+    rotation = nearest_rotation(goal.T @ s)
     back = goal @ rotation
     spread = back.T @ s
     weigh = spread.trace() * _IDENTITY - spread

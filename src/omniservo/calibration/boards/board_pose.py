@@ -8,6 +8,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.cameras.models.central_model import CentralModel
 from omniservo.geometry.arrays import FloatArray
+from omniservo.geometry.nearest_rotation import nearest_rotation
 
 _LEAST_POINTS = 6
 
@@ -49,7 +50,6 @@ def _linear_pose(bearings: FloatArray, points: FloatArray) -> FloatArray:
     rows = np.concatenate([np.hstack([zero, -z, y]), np.hstack([z, zero, -x]), np.hstack([-y, x, zero])])
     H = np.linalg.svd(rows)[2][-1].reshape(3, 3)
     H *= np.sign(((flat @ H.T) * bearings).sum()) / (0.5 * np.linalg.norm(H[:, :2], axis=0).sum())
-    U, _, Vt = np.linalg.svd(np.column_stack([H[:, 0], H[:, 1], np.cross(H[:, 0], H[:, 1])]))
-    R = U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
+    R = nearest_rotation(np.column_stack([H[:, 0], H[:, 1], np.cross(H[:, 0], H[:, 1])]))
     translation = H[:, 2] * size - R[:, :2] @ middle
     return np.concatenate([Rotation.from_matrix(R).as_rotvec(), translation])

@@ -116,8 +116,8 @@ def _fit(
     base_T_flange = RigidTransform.concatenate([view.base_T_flange for view in views])
     first = start(base_T_flange, [view.poses for view in views])
     refusal = judge_start(first, base_T_flange, [view.poses for view in views])
-    if first is None or refusal is not None:
-        return refusal or Refusal("not_converged", "the closed forms of all views fail")
+    if refusal is not None:
+        return refusal
     views = [view.with_pose(int(k), turns) for view, k in zip(views, first.chosen, strict=True)]
     noise_px = max(float(np.median([view.noise_px for view in views])), _LEAST_NOISE_PX)
     found = _agreed(camera, views, first, noise_px)

@@ -7,7 +7,6 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
@@ -76,7 +75,7 @@ def judge_rotations(base_T_flange: Sequence[RigidTransform]) -> Refusal | None:
 
 
 def judge_start(
-    first: HandEyeStart | None, base_T_flange: RigidTransform, poses: Sequence[Sequence[RigidTransform]]
+    first: HandEyeStart, base_T_flange: RigidTransform, poses: Sequence[Sequence[RigidTransform]]
 ) -> Refusal | None:
     """Refuse a start that most views do not agree with, or that inverted poses would beat.
 
@@ -84,18 +83,14 @@ def judge_start(
     """
     better = _BETTER if len(poses) < _MANY else _BETTER_OF_MANY
     other = start(base_T_flange.inv(), poses)
-    if (
-        other is not None
-        and (first is None or other.misfit * better < first.misfit)
-        and other.misfit < _MISFIT
-    ):
+    if other.misfit * better < first.misfit and other.misfit < _MISFIT:
         words = "views agree once every robot pose is inverted: flange_T_base seems given, base_T_flange is"
         return Refusal(
             "poses_inverted",
             f"{words} needed (or the camera stands still and the board is on the flange: its pose is found by"
             " giving flange_T_base, and called flange_T_camera then)",
         )
-    if first is not None and first.misfit < _MISFIT:
+    if first.misfit < _MISFIT:
         return None
     return Refusal("views_disagree", _disagreement(base_T_flange, poses))
 
@@ -122,9 +117,7 @@ _CAUSES = (
 def _disagreement(base_T_flange: RigidTransform, poses: Sequence[Sequence[RigidTransform]]) -> str:
     """Say whether the rotations alone agree: then it is lengths that do not."""
     camera_T_board = RigidTransform.concatenate([own[0] for own in poses])
-    X = closed_form(base_T_flange.as_matrix(), camera_T_board.as_matrix(), cv2.CALIB_HAND_EYE_PARK)
-    if X is None:
-        return f"no closed form fits the views: {_CAUSES}"
+    X = closed_form(base_T_flange.as_matrix(), camera_T_board.as_matrix())
     flange_T_camera = RigidTransform.from_matrix(X)
     boards = (base_T_flange * flange_T_camera * camera_T_board).rotation
     turned = float(np.median((boards.mean().inv() * boards).magnitude()))
