@@ -27,8 +27,12 @@ def first_of_equal(pixels: FloatArray) -> IntArray:
 
     Detectors that describe a place by several directions give a match as often as they have.
     """
-    _, first, same = np.unique(pixels, axis=0, return_index=True, return_inverse=True)
-    return np.asarray(first[same.ravel()])
+    order = np.lexsort(pixels.T)  # stable: equal rows stay in the order of their numbers
+    is_new = np.ones(len(order), dtype=np.bool_)
+    is_new[1:] = (pixels[order[1:]] != pixels[order[:-1]]).any(axis=1)
+    first = np.empty_like(order)
+    first[order] = order[is_new][np.cumsum(is_new) - 1]
+    return first
 
 
 def with_rows(values: FloatArray, rows: BoolArray) -> FloatArray:

@@ -59,11 +59,11 @@ def with_rivals(matches: Matches, fit: TwoViewFit, kind: int, robust: bool) -> T
 
 
 def _rival_starts(chosen: Matches, kind: int) -> FloatArray:
-    """Return the essential matrices (s, 3, 3) of the minima that some of the matches leave."""
+    """Return the essential matrices (s, 3, 3) of samples, or of the minima that part of many matches has."""
     few = chosen.where(np.arange(chosen.size) % math.ceil(chosen.size / MOST_MATCHES) == 0)
     spread = eight_point_starts(few.bearings, START_ANGLES)
     starts = np.concatenate((spread, sampled_starts(few.bearings, few.jacobians)))
-    return _known_starts(search_motion(few, kind, starts))
+    return starts if few.size == chosen.size else _known_starts(search_motion(few, kind, starts))
 
 
 def _known_starts(minima: list[Minimum]) -> FloatArray:

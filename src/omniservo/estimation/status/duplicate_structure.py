@@ -16,7 +16,6 @@ Duplicate structures: Roberts, Sinha, Szeliski and Steedly, CVPR 2011.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -27,8 +26,10 @@ from omniservo.estimation.matches import Matches
 from omniservo.estimation.minimal_solvers.essential_matrix import linear_structure, motion_in_front
 from omniservo.estimation.minimal_solvers.five_points import MOST_SOLUTIONS, SAMPLE, five_point_essentials
 from omniservo.estimation.refinement.motion_search import Minimum
+from omniservo.estimation.robust.consensus import draw
 from omniservo.estimation.robust.two_view_fit import TwoViewFit
-from omniservo.geometry.arrays import FloatArray, IntArray
+from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray
+from omniservo.geometry.kernel import kernel, leaf
 
 NEAR = 0.25
 """of the distance between a point and its nearest neighbour: seen at that one's place"""
@@ -60,6 +61,8 @@ class _Places(NamedTuple):
     """(m, 3), initial camera frame, in lengths of the translation"""
     own: IntArray
     """(m,) index of a point's own direction"""
+    middle: IntArray
+    """(s,) the points that are seen nearest to the mean direction"""
     directions: FloatArray
     """(n, 3) goal camera frame, unit length"""
     near: FloatArray
@@ -67,70 +70,119 @@ class _Places(NamedTuple):
     chance: float
     """that a random direction among them is at the place of one"""
 
-    @classmethod
-    def of(cls, bearings: FloatArray, best: Minimum) -> _Places:
-        directions, points = np.ascontiguousarray(bearings[:, 3:]), np.empty((len(bearings), 3))
-        linear_structure(bearings, best.rotation, best.translation, points)
-        chords = NEAR * np.asarray(KDTree(directions).query(directions, k=2)[0])[:, 1]
-        spread = np.linalg.svd(directions - directions.mean(axis=0), compute_uv=False)[:2]
-        area = 4.0 * math.pi * max(float(spread.prod()) / len(directions), 1e-12)  # of an even ellipse
-        own = np.arange(0, len(points), math.ceil(len(points) / MOST_POINTS))
-        chance = min(1.0, math.pi * float(np.square(chords).sum()) / area)
-        return cls(points[own], own, directions, 1.0 - 0.5 * np.square(chords), chance)
 
-    def lengths(self, rotation: FloatArray, translation: FloatArray) -> FloatArray:
-        """Return the λ (s,) > 0 with which most of the middle points have another's place."""
-        middle = np.argsort(-self.directions[self.own] @ self.directions.mean(axis=0))[:SEEDS]
-        turned, along = self.points[middle] @ rotation, translation @ rotation
-        depths, shifts, far = turned @ self.directions.T, self.directions @ along, (turned @ along)[:, None]
-        lengths = (far - depths * shifts) / np.maximum(1.0 - shifts**2, 1e-12)  # nearest to each direction
-        squares = np.square(turned).sum(axis=1)[:, None] - 2.0 * lengths * far + lengths**2
-        cosines = (depths - lengths * shifts) / np.sqrt(np.maximum(squares, 1e-300))
-        lengths = lengths[(cosines > self.near) & (lengths > 0.0)]
-        taken = self.taken(rotation, lengths[:, None] * translation, middle) >= 0
-        chosen: FloatArray = lengths[taken.sum(axis=1) > SHARE * SEEDS]
-        return chosen
-
-    def taken(self, rotation: FloatArray, translations: FloatArray, chosen: IntArray) -> IntArray:
-        """Return whose place each chosen point has (s, c), −1 for none but its own, under s motions."""
-        seen = (self.points[chosen] - translations[:, None]) @ rotation
-        cosines = seen @ self.directions.T / np.maximum(np.linalg.norm(seen, axis=2), 1e-300)[:, :, None]
-        other = cosines.argmax(axis=2)
-        found: IntArray = np.where(
-            (cosines.max(axis=2) > self.near[other]) & (other != self.own[chosen]), other, -1
-        )
-        return found
+def _places(bearings: FloatArray, best: Minimum) -> _Places:
+    directions, points = np.ascontiguousarray(bearings[:, 3:]), np.empty((len(bearings), 3))
+    linear_structure(bearings, best.rotation, best.translation, points)
+    chords = NEAR * np.asarray(KDTree(directions).query(directions, k=2)[0])[:, 1]
+    spread = np.linalg.svd(directions - directions.mean(axis=0), compute_uv=False)[:2]
+    area = 4.0 * math.pi * max(float(spread.prod()) / len(directions), 1e-12)  # of an even ellipse
+    own = np.arange(0, len(points), math.ceil(len(points) / MOST_POINTS))
+    middle = np.argsort(-directions[own] @ directions.mean(axis=0))[:SEEDS]
+    chance = min(1.0, math.pi * float(np.square(chords).sum()) / area)
+    return _Places(points[own], own, middle, directions, 1.0 - 0.5 * np.square(chords), chance)
 
 
 def duplicate_structure(matches: Matches, fit: TwoViewFit) -> Duplicate | None:
     """Return the motion of matches left out that takes the inliers' structure onto itself, if any does."""
-    left = matches.where(~fit.members)
-    if left.size < SAMPLE or fit.members.all():
+    left = matches.where(~fit.members).bearings
+    if len(left) < SAMPLE or fit.members.all():
         return None
-    places = _Places.of(matches.bearings[fit.members], fit.minima[0])
-    tried, best, most, everything = 0, None, 0, np.arange(len(places.own))
-    for motion in _motions(left.bearings):
-        for length in places.lengths(motion.rotation, motion.translation):
-            tried += 1
-            taken = places.taken(motion.rotation, length * motion.translation[None], everything)
-            count = len(np.unique(taken[taken >= 0]))
-            if count > most:
-                most, best = count, motion
+    places = _places(matches.bearings[fit.members], fit.minima[0])
+    rotation, translation, five = np.empty((3, 3)), np.empty(3), np.empty(SAMPLE, dtype=np.int64)
+    tried, doubles = _most_doubles(left, places, rotation, translation, five)
     checked = len(places.own)
-    if best is None or most < SHARE * checked:
+    if doubles < SHARE * checked or tried * float(bdtrc(doubles - 1, checked, places.chance)) >= CHANCE:
         return None
-    by_chance = tried * float(bdtrc(most - 1, checked, places.chance))
-    return Duplicate(best, most, checked) if by_chance < CHANCE else None
+    points = np.empty((SAMPLE, 3))
+    linear_structure(left[five], rotation, translation, points)
+    return Duplicate(Minimum(0.0, rotation, translation, points, True), doubles, checked)
 
 
-def _motions(bearings: FloatArray) -> Iterator[Minimum]:
-    """Yield the motions that samples of five matches (n, 6) obey, all five in front of both cameras."""
-    essentials, rng = np.empty((MOST_SOLUTIONS, 3, 3)), np.random.default_rng(0)
-    everything = np.arange(SAMPLE)
-    for _ in range(SAMPLES if len(bearings) > SAMPLE else 1):
-        five = bearings[rng.choice(len(bearings), SAMPLE, replace=False)]
-        for essential in essentials[: five_point_essentials(five, everything, essentials)]:
-            rotation, translation, points = np.empty((3, 3)), np.empty(3), np.empty((SAMPLE, 3))
-            if motion_in_front(five, essential, rotation, translation) == SAMPLE:
-                linear_structure(five, rotation, translation, points)
-                yield Minimum(0.0, rotation, translation, points, True)
+@kernel
+def _most_doubles(
+    left: FloatArray, places: _Places, rotation: FloatArray, translation: FloatArray, five: IntArray
+) -> tuple[int, int]:
+    """Write the motion of five of the matches (k, 6) under which most points have another's place.
+
+    Returns how many motions (R', λt') were tried, and how many places are taken under that one.
+    """
+    essentials, R, t = np.empty((MOST_SOLUTIONS, 3, 3)), np.empty((3, 3)), np.empty(3)
+    chosen, is_taken = np.empty(SAMPLE, dtype=np.int64), np.empty(len(places.near), dtype=np.bool_)
+    tried, most, state = 0, 0, 1
+    for _ in range(SAMPLES if len(left) > SAMPLE else 1):
+        state = draw(state, len(left), chosen)
+        for k in range(five_point_essentials(left, chosen, essentials)):
+            if motion_in_front(left[chosen], essentials[k], R, t) < SAMPLE:
+                continue
+            for i in places.middle:
+                for j in range(len(places.near)):
+                    length = _length(places, i, j, R, t)
+                    if not length > 0.0 or not _suits_the_middle(places, R, t, length):
+                        continue
+                    tried += 1
+                    doubles = _doubles(places, R, t, length, is_taken)
+                    if doubles > most:
+                        most = doubles
+                        rotation[:], translation[:], five[:] = R, t, chosen
+    return tried, most
+
+
+@leaf
+def _length(places: _Places, i: int, j: int, R: FloatArray, t: FloatArray) -> float:
+    """Return the λ with which point i is seen nearest to direction j; −1 where that is not at its place."""
+    depth, shift, far, square = 0.0, 0.0, 0.0, 0.0
+    for a in range(3):
+        turned, along = 0.0, 0.0
+        for b in range(3):
+            turned += places.points[i, b] * R[b, a]
+            along += t[b] * R[b, a]
+        depth += turned * places.directions[j, a]
+        shift += along * places.directions[j, a]
+        far += turned * along
+        square += turned * turned
+    length = (far - depth * shift) / max(1.0 - shift * shift, 1e-12)
+    distance = math.sqrt(max(square - 2.0 * length * far + length * length, 1e-300))
+    return length if depth - length * shift > places.near[j] * distance else -1.0
+
+
+@leaf
+def _suits_the_middle(places: _Places, R: FloatArray, t: FloatArray, length: float) -> bool:
+    """Tell whether most of the middle points have another's place."""
+    count = 0
+    for i in places.middle:
+        if _taken(places, i, R, t, length) >= 0:
+            count += 1
+    return count > SHARE * SEEDS
+
+
+@leaf
+def _doubles(places: _Places, R: FloatArray, t: FloatArray, length: float, is_taken: BoolArray) -> int:
+    """Return how many places are taken by other points than their own."""
+    count = 0
+    is_taken[:] = False
+    for i in range(len(places.own)):
+        j = _taken(places, i, R, t, length)
+        if j >= 0 and not is_taken[j]:
+            is_taken[j] = True
+            count += 1
+    return count
+
+
+@leaf
+def _taken(places: _Places, i: int, R: FloatArray, t: FloatArray, length: float) -> int:
+    """Return whose place point i has, −1: none but its own. No direction is at two places."""
+    seen = (0.0, 0.0, 0.0)
+    for b in range(3):
+        off = places.points[i, b] - length * t[b]
+        seen = (seen[0] + off * R[b, 0], seen[1] + off * R[b, 1], seen[2] + off * R[b, 2])
+    distance = math.sqrt(max(seen[0] ** 2 + seen[1] ** 2 + seen[2] ** 2, 1e-300))
+    for j in range(len(places.near)):
+        along = (
+            seen[0] * places.directions[j, 0]
+            + seen[1] * places.directions[j, 1]
+            + seen[2] * places.directions[j, 2]
+        )
+        if along > places.near[j] * distance:
+            return j if j != places.own[i] else -1
+    return -1

@@ -198,7 +198,7 @@ def _is_coherent(pixels: FloatArray) -> bool:
         spread = initial.T @ initial + 1e-9 * np.eye(2)
         off = np.square(goal - initial @ np.linalg.solve(spread, initial.T @ goal)).sum(axis=1)
         share = 1.0 - off.sum() / max(float(np.square(goal).sum()), 1e-9)
-        pixels = pixels[off <= np.quantile(off, 0.75)]
+        pixels = pixels[off <= np.partition(off, 3 * len(off) // 4)[3 * len(off) // 4]]
     return bool(share > COHERENT)
 
 
