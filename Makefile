@@ -9,7 +9,7 @@ export OMP_NUM_THREADS ?= 1
 # Bytecode is kept whatever the shell says: tests start hundreds of processes, and each would compile all modules.
 export PYTHONDONTWRITEBYTECODE =
 
-.PHONY: demo test check docs bench bench-planning bench-estimation bench-outside readme lock clean wheel rows
+.PHONY: demo test test-slow check docs bench bench-planning bench-estimation bench-outside readme lock clean wheel rows
 
 demo: $(STAMP)
 	$(BIN)/omniservo run paper-example-1 --out runs/paper-example-1 --force
@@ -19,7 +19,12 @@ demo: $(STAMP)
 # beginning at once, each of them would compile it for itself.
 test: $(STAMP)
 	$(BIN)/omniservo warm-up
-	$(BIN)/python -m pytest -n 3 --dist worksteal
+	$(BIN)/python -m pytest -n 3 --dist worksteal -m "not slow"
+
+# What `make test` leaves out: whole runs, processes that are killed, statistics of many estimates. CI runs both.
+test-slow: $(STAMP)
+	$(BIN)/omniservo warm-up
+	$(BIN)/python -m pytest -n 3 --dist worksteal -m slow
 
 check: $(STAMP)
 	$(BIN)/ruff check src tests benchmarks examples

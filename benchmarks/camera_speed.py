@@ -118,7 +118,7 @@ def _opencv(camera: CentralModel, rays: FloatArray, pixels: FloatArray) -> list[
     if isinstance(camera, Pinhole):
         K = np.array([[camera.fx, 0.0, camera.cx], [0.0, camera.fy, camera.cy], [0.0, 0.0, 1.0]])
         D = np.array(camera.distortion)
-        longer = getattr(cv2, "undistortPointsIter", cv2.undistortPoints)  # OpenCV 5 has one function for both
+        longer = getattr(cv2, "undistortPointsIter", cv2.undistortPoints)  # OpenCV 5: one function
         return [
             lambda: cv2.projectPoints(rays, zero, zero, K, D),
             lambda: cv2.undistortPoints(pixels[:, None], K, D),

@@ -17,6 +17,7 @@ from benchmarks.comparisons.planning.sets import problem
 CASES = [("paper", 0), ("paper", 2), ("fisheye", 2), ("perspective", 4), ("catadioptric", 3), ("past-90", 5)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "index"), CASES)
 def test_it_finds_the_path_that_numpy_finds(name: str, index: int) -> None:
     one = problem(name, index)

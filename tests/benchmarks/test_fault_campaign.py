@@ -44,6 +44,7 @@ def run(job, name):
     return outcome(job, SOUND[0], FAULTS.get(name), (0, 0), safety)
 
 
+@pytest.mark.slow
 def test_a_run_without_a_fault_reaches_the_goal(job):
     assert ended(run(job, "none")) == ("success", "")
 
@@ -55,12 +56,14 @@ def test_a_fault_ends_in_a_stop_of_its_name_without_contact(job, name):
     assert found.reason in ISSUE[name]
 
 
+@pytest.mark.slow
 def test_all_points_that_jump_in_a_fast_turn_are_told_and_are_no_false_goal(monkeypatch):
     assert fault_campaign.run_row(284).reason == "inconsistent_image"
     monkeypatch.setattr(ImageWatch, "_lasts", lambda *args: False)
     assert fault_campaign.run_row(284).end == "untold"
 
 
+@pytest.mark.slow
 def test_without_the_watch_over_images_a_false_goal_is_found_out(job, monkeypatch):
     monkeypatch.setattr(ImageWatch, "check", lambda *args, **kwargs: None)
     assert ended(run(job, "all points off by 20 px"))[0] == "untold"

@@ -49,6 +49,7 @@ def peer(name: str, library: str):
     return importlib.import_module(f"benchmarks.comparisons.planning.peers.{name}")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["hidden", "boxes"])
 def test_compiled_rows_are_the_neutral_ones(kind):
     space = PathSpace(neutral_of(crowded_problem(kind)), 3, 2)

@@ -23,6 +23,7 @@ from benchmarks.comparisons.planning.sets import problem
 from benchmarks.comparisons.planning.summary import summaries
 
 
+@pytest.mark.slow
 def test_a_run_writes_its_page_its_rows_and_its_plot(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -120,6 +120,7 @@ def test_the_minimum_is_the_one_that_scipy_finds():
     np.testing.assert_allclose(found.theta[:5], reference.x[:5], rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_covariance_pixel_bound_and_ray_deviation_hold_in_simulation():
     drawn, state, _ = small_problem(views=8)
     covered = 1.2

@@ -449,6 +449,7 @@ def places(value, path=()):
         yield from places(held, (*path, key))
 
 
+@pytest.mark.slow
 def test_nonsense_in_any_field_is_an_error_or_a_camera_and_never_a_traceback(tmp_path):
     rng = np.random.default_rng(11)
     path = tmp_path / "camera.dat"

@@ -102,6 +102,7 @@ def test_kalibrs_targets_are_read(tmp_path):
         board_from_text(str(grid))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "text", ["checkerboard:8x6:0.042", "charuco:7x5:0.035:0.026:DICT_4X4_50", "aprilgrid:6x6:0.088:0.3",
              "circles:7x5:0.03:0.02", "acircles:4x11:0.02:0.015"]

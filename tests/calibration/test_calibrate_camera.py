@@ -37,6 +37,7 @@ CAMERAS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CAMERAS)
 def test_exact_corners_give_the_exact_camera(name):
     camera, draw = CAMERAS[name]
@@ -48,6 +49,7 @@ def test_exact_corners_give_the_exact_camera(name):
     np.testing.assert_allclose(values(found.camera), values(camera), rtol=1e-5, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_exact_corners_of_a_distorted_lens_give_its_rays_and_auto_takes_distortion():
     camera = UnifiedCamera(420, 425, 319, 235, 0.9, 640, 480, distortion=(-0.28, 0.07, 1e-3, -5e-4))
     seen = draw_views(camera, np.random.default_rng(2), views=10, noise_px=0.1, largest_angle=0.8, **SEEING)
@@ -59,6 +61,7 @@ def test_exact_corners_of_a_distorted_lens_give_its_rays_and_auto_takes_distorti
     assert np.linalg.norm(error, axis=1).max() < found.deviation_px < 1.5
 
 
+@pytest.mark.slow
 def test_a_target_far_from_the_origin_of_its_frame_gives_the_same_camera_and_its_own_poses(drawn, clean):
     away = np.array([1000.0, -2000.0, 500.0])
     found = calibrate_camera(drawn[0], [points + away for points in drawn[1]], SIZE, distortion="none")
@@ -67,6 +70,7 @@ def test_a_target_far_from_the_origin_of_its_frame_gives_the_same_camera_and_its
     np.testing.assert_allclose(found.poses[0].apply(away), clean.poses[0].apply([0.0, 0.0, 0.0]), atol=1e-6)
 
 
+@pytest.mark.slow
 def test_without_distortion_auto_stays_with_the_plain_model_and_gives_the_numbers(drawn):
     found = calibrate_camera(*drawn, SIZE)
     assert found.distortion == "none"
@@ -83,6 +87,7 @@ def test_every_length_of_a_camera_is_said_in_pixels_and_the_rest_without_a_unit(
     assert f"fx = {clean.camera.fx:.6g} px ± " in clean.report()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2])
 def test_a_narrow_view_that_says_little_of_distortion_gives_a_camera_all_the_same(seed):
     camera = preset("perspective")
@@ -95,6 +100,7 @@ def test_a_narrow_view_that_says_little_of_distortion_gives_a_camera_all_the_sam
     assert found.rms_px == pytest.approx(0.3 * np.sqrt(2.0), rel=0.1)
 
 
+@pytest.mark.slow
 def test_a_mirrors_sign_is_kept_from_the_camera_given_and_the_mirror_of_the_result_fits_as_well():
     camera = preset("hyper-catadioptric")
     seen = draw_views(camera, np.random.default_rng(3), views=8, noise_px=0.0, largest_angle=1.5, **SEEING)
@@ -241,6 +247,7 @@ class TestNoCamera:
         again = [drawn[0][0] + rng.normal(scale=0.1, size=(54, 2)) for _ in range(8)]
         assert self.named(again, drawn[1][:8]) == "views_alike"
 
+    @pytest.mark.slow
     def test_targets_parallel_to_the_image(self):
         camera = UnifiedCamera(420, 420, 319.5, 239.5, 0.0, 640, 480)
         rng = np.random.default_rng(8)
@@ -251,6 +258,7 @@ class TestNoCamera:
         ]
         assert self.named(seen, [board()] * 9, (640, 480)) == "views_alike"
 
+    @pytest.mark.slow
     def test_corners_that_belong_to_no_board(self):
         rng = np.random.default_rng(9)
         seen = [rng.uniform([0, 0], SIZE, (54, 2)) - 0.4 for _ in range(6)]

@@ -48,6 +48,7 @@ def calibrated(pictures):
     return calibrate_images(pictures, board_from_text(BOARD))
 
 
+@pytest.mark.slow
 def test_a_copy_of_an_image_makes_the_result_no_surer(pictures, calibrated, tmp_path):
     copy = tmp_path / "again.png"
     copy.write_bytes(pictures[1].read_bytes())
@@ -94,6 +95,7 @@ def test_a_mirror_has_one_negative_focal_length(calibrated):
     assert any("fy (and p1) of the file have the opposite sign" in line for line in _lines(mirrored))
 
 
+@pytest.mark.slow
 def test_boards_with_names_tell_a_mirror_by_themselves(tmp_path):
     true, board = preset("hyper-catadioptric"), board_from_text("charuco:7x5:0.035:0.026:DICT_4X4_50")
     files = []
@@ -120,6 +122,7 @@ def test_report_tells_every_image_and_shows_every_figure(calibrated):
     assert "nan" not in text.split("base64")[0].lower()
 
 
+@pytest.mark.slow
 def test_command_writes_camera_and_report(pictures, tmp_path, capsys):
     out, report = tmp_path / "camera.yaml", tmp_path / "report.html"
     options = ["--board", BOARD, "--mirror", "--out", str(out), "--report", str(report), "--json"]

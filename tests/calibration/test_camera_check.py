@@ -23,6 +23,7 @@ STILL = RigidTransform.identity()
 WIDE, NARROW = LENSES
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", LENSES)
 def test_other_light_and_other_things_in_the_scene_are_no_motion_of_the_camera(name):
     found = pair(*LENSES[name], 0.0, 7).found
@@ -31,6 +32,7 @@ def test_other_light_and_other_things_in_the_scene_are_no_motion_of_the_camera(n
     assert found.probability > 0.01
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "size"), [(WIDE, 1.0), (NARROW, 40.0)])
 def test_a_bump_is_noticed_and_its_rotation_lies_in_the_ellipsoid_that_is_stated(name, size):
     seen = pair(*LENSES[name], size, 8)
@@ -52,6 +54,7 @@ def room():
     return [picture_of(scene, OTHER_LENS, pose, rng) for pose in (STILL, STILL, moved)]
 
 
+@pytest.mark.slow
 def test_what_moves_in_the_scene_is_not_the_camera(room):
     was, still, moved = room
     now = still.copy()
@@ -88,6 +91,7 @@ def photographs(shared_data):
     return data.calibrated().camera, list(data.images.values())[:3]
 
 
+@pytest.mark.slow
 def test_photographs_under_other_light_and_with_another_third_are_not_moved_and_turned_ones_are(photographs):
     camera, images = photographs
     was, _, other = images
@@ -106,6 +110,7 @@ def test_photographs_under_other_light_and_with_another_third_are_not_moved_and_
         assert off @ np.linalg.solve(found.covariance[:3, :3], off) < chi2.ppf(0.999, 3)
 
 
+@pytest.mark.slow
 def test_photographs_from_places_apart_are_never_said_to_stand_still(photographs):
     camera, images = photographs
     for one, other in itertools.combinations(images, 2):
@@ -124,6 +129,7 @@ def test_the_derivative_is_that_of_points_at_distance_one_seen_from_where_the_ca
     np.testing.assert_allclose(jacobian[2, :, 3], [-f, 0.0], atol=1e-3)
 
 
+@pytest.mark.slow
 def test_the_command_exits_with_1_where_the_camera_moved_and_prints_what_scripts_read(room, tmp_path, capsys):
     camera = tmp_path / "camera.yaml"
     save_camera(OTHER_LENS, camera, "own")

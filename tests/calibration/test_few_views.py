@@ -25,6 +25,7 @@ def test_a_large_gain_that_one_view_alone_brings_is_not_believed():
     assert not distortion_helps(held_out([4.0, 1.0, 1.0, 1.0]), held_out([1.0, 1.05, 0.95, 1.0]))[0]
 
 
+@pytest.mark.slow
 def test_four_real_views_of_a_bent_lens_keep_its_distortion():
     found = {corners.name: corners for corners in real_sets()}
     if "OpenCV's own" not in found:

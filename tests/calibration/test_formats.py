@@ -264,6 +264,7 @@ def test_a_deviation_stays_from_format_to_format_without_a_conversion(tmp_path, 
             assert (load_model(tmp_path / second).deviation_px, residual) == (1 / 3, None)
 
 
+@pytest.mark.slow
 def test_every_conversion_of_a_chain_adds_its_residual_to_the_deviation(tmp_path):
     camera, total = NARROW, 0.25
     for format_name in ("mei", "ros", "ocamcalib", "kalibr"):
@@ -296,6 +297,7 @@ TRACKING = """cam0:
 """
 
 
+@pytest.mark.slow
 def test_a_fisheye_file_that_describes_more_than_its_lens_sees_is_read_with_max_angle(tmp_path):
     path = tmp_path / "camera.yaml"
     path.write_text(TRACKING)

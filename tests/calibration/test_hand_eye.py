@@ -73,6 +73,7 @@ def test_both_poses_lie_within_the_stated_uncertainty(good):
     assert not found.board_size_disputed
 
 
+@pytest.mark.slow
 def test_95_percent_ellipsoids_hold_the_truth_about_95_times_of_100():
     """24 calibrations of 6 views each; 18 or fewer would happen by chance once in 1000 times."""
     rng = np.random.default_rng(3)
@@ -84,6 +85,7 @@ def test_95_percent_ellipsoids_hold_the_truth_about_95_times_of_100():
     assert inside >= 19
 
 
+@pytest.mark.slow
 def test_rendered_fisheye_views_give_the_truth_within_0_3_mm_and_0_05_degrees():
     """The simulator's pictures, noisy so that corners are off by 0.1 px; the detector sees nothing else."""
     base_T_flange, pictures, corners = render_views(0, 10, noise=34.0)
@@ -269,6 +271,7 @@ def test_wrong_calls_are_one_message(good):
             calibrated(good, **changed)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("views", "seed"), [(6, 2), (7, 2), (7, 4), (7, 10)])
 @pytest.mark.parametrize("noise", [0.0, 3e-3])
 def test_few_views_of_a_camera_that_stands_still_are_never_taken_for_one_in_the_hand(views, seed, noise):

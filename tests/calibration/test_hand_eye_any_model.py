@@ -33,6 +33,7 @@ def calibrated(camera, drawn):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PUBLISHED)
 def test_exact_corners_give_the_exact_poses(name):
     lens = PUBLISHED[name]
@@ -61,6 +62,7 @@ def test_the_nearest_unified_camera_would_not_have_given_them():
     assert np.abs(error_of(found.flange_T_camera, FLANGE_T_CAMERA)).max() > 1e-4
 
 
+@pytest.mark.slow
 def test_rendered_boards_and_a_file_of_that_model_give_the_mount_by_command(tmp_path, capsys):
     """Six pictures of a chequered board through a T265's own lens, and its Kalibr file."""
     save_camera(T265, tmp_path / "camchain.yaml", "kalibr")

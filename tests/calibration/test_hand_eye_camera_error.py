@@ -30,6 +30,7 @@ def drawn(rng, change):
     return views
 
 
+@pytest.mark.slow
 def test_the_covariance_holds_a_camera_that_is_off_as_it_states():
     directions, rng, held = covariance_directions(COVARIANCE), np.random.default_rng(5), []
     for _ in range(RUNS):
@@ -42,6 +43,7 @@ def test_the_covariance_holds_a_camera_that_is_off_as_it_states():
     assert nearly_all >= 0.9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["calibration_covariance", "model_error"])
 def test_each_part_of_a_cameras_error_makes_the_mount_less_certain(name):
     views = draw_views(np.random.default_rng(6), FISHEYE, VIEWS, position=3e-4, rotation=np.radians(0.03))

@@ -75,6 +75,7 @@ def call(views, *more, poses="poses.yaml", images="view-?.png", board=BOARD_TEXT
             "--board", board, *more]  # fmt: skip
 
 
+@pytest.mark.slow
 def test_command_writes_what_a_task_reads_and_a_report(views, tmp_path, capsys):
     out, report = tmp_path / "hand-eye.json", tmp_path / "report.html"
     code, said, _ = ended(call(views, "--out", str(out), "--report", str(report), "--json"), capsys)
@@ -102,6 +103,7 @@ def test_command_writes_what_a_task_reads_and_a_report(views, tmp_path, capsys):
     assert "<script" not in text
 
 
+@pytest.mark.slow
 def test_command_says_in_words_what_it_found(views, capsys):
     code, said, _ = ended(call(views), capsys)
     assert code == 0
@@ -109,6 +111,7 @@ def test_command_says_in_words_what_it_found(views, capsys):
         assert words in said
 
 
+@pytest.mark.slow
 def test_a_copy_of_an_image_makes_the_result_no_surer(views, tmp_path):
     """Every view twice: σ was two fifths of what it is."""
     files = sorted(views.glob("view-?.png"))[:6]
@@ -136,6 +139,7 @@ def test_where_there_is_no_pose_the_command_says_why_and_writes_the_report(views
     assert "No pose: too_few_views" in report.read_text()
 
 
+@pytest.mark.slow
 def test_tags_of_a_target_do_as_well(tmp_path):
     tags, panels = [], []
     for number, (x, y) in enumerate([(0.0, 0.0), (0.11, 0.0), (0.0, 0.11), (0.11, 0.11)]):
@@ -301,6 +305,7 @@ def test_files_and_names_of_before_say_tool_for_the_flange(tmp_path):
         load_robot_poses(poses)
 
 
+@pytest.mark.slow
 def test_the_real_arm_s_views_agree_as_far_as_its_poses_do(shared_data):
     """A Franka's eight: what is left is the robot's, and by its lengths the board is larger than stated."""
     folder = shared_data / "visp_franka_eye_in_hand"

@@ -16,6 +16,7 @@ def calibrated(sigma, seed=0):
     return calibrate_camera(seen, points, (camera.width, camera.height), distortion="none")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_smooth_lens_error_is_found_in_views_left_out(seed):
     found = calibrated(0.3, seed=seed).camera.model_error
@@ -27,6 +28,7 @@ def test_an_exact_camera_has_next_to_no_error():
     assert found.sigma_px < 0.03
 
 
+@pytest.mark.slow
 def test_parameters_of_a_camera_that_is_off_are_less_well_known():
     exact, off = calibrated(0.0), calibrated(0.3)
     assert np.all(off.standard_deviations[:2] > 2.0 * exact.standard_deviations[:2])

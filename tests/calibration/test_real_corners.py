@@ -25,6 +25,7 @@ def corners(folder, name):
     return pixels, [target] * len(pixels), fields["image_size"], fits.get("models", fits)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "asked", "taken"),
     [
@@ -55,6 +56,7 @@ def test_real_corners_fit_as_well_as_the_reference_and_none_is_lost_unnamed(shar
         assert (np.abs(ours - theirs) <= 2.0 * found.standard_deviations).all()
 
 
+@pytest.mark.slow
 def test_wrong_views_among_real_ones_are_found(shared_data):
     pixels, points, size, _ = corners(shared_data, "fisheye1")
     rng = np.random.default_rng(0)

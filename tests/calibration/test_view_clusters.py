@@ -87,6 +87,7 @@ def test_the_larger_of_two_covariances_holds_both():
     np.testing.assert_allclose(larger_covariance(one, 0.0 * one, free), one, rtol=1e-8, atol=1e-10)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("shared_data")
 def test_two_halves_of_real_views_differ_by_little_more_than_they_state():
     corners = next(each for each in real_sets() if each.name == "fisheye1")

@@ -94,6 +94,7 @@ def test_pinhole_with_four_numbers_is_unified_with_xi_0(f, distortion, skew):
     assert (again.distortion, residual.largest_px) == ((), 0.0) or again.distortion == tuple(distortion)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("model", "bound"),
     [
@@ -214,6 +215,7 @@ def test_a_distorted_pinhole_camera_with_a_mask_is_a_unified_one():
     assert found.camera == UnifiedCamera(500.0, 501.0, 320.0, 240.0, 0.0, 640, 480, **fields)
 
 
+@pytest.mark.slow
 def test_a_mask_is_kept_and_costs_nothing():
     fields = {"k": KB, "max_angle": 1.2}
     masked = KannalaBrandt(190.0, 190.0, 255.0, 255.0, 512, 512, **fields, mask=MASK)

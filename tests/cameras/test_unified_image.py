@@ -22,6 +22,7 @@ def pixels_of(lens, n=2000):
     return pixels[lens.unproject(pixels)[1]]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PUBLISHED)
 def test_a_carried_pixel_has_the_bearing_of_the_camera_s_own_model(name):
     lens = PUBLISHED[name]

@@ -59,6 +59,7 @@ def test_a_camera_is_shown_with_what_its_unified_form_costs(tmp_path, capsys, na
     assert " px (" in said
 
 
+@pytest.mark.slow
 def test_an_estimate_uses_the_file_s_own_model_and_keeps_it(tmp_path, capsys, pictures):
     file = written(tmp_path, "kalibr, half")
     images = ("--initial", pictures / "initial.png", "--goal", pictures / "goal.png", "--features", "natural")
@@ -78,6 +79,7 @@ def test_an_estimate_uses_the_file_s_own_model_and_keeps_it(tmp_path, capsys, pi
     assert problem.notices[0] == to_unified(found.camera).cost
 
 
+@pytest.mark.slow
 def test_a_bump_is_told_with_the_file_s_own_model(tmp_path, capsys, pictures):
     file = written(tmp_path, "opencv")
     now = ("camera", "check", pictures / "initial.png", pictures / "bumped.png", "--camera", file)
@@ -96,6 +98,7 @@ def test_an_image_is_rectified_with_the_file_s_own_model(tmp_path, capsys, pictu
     assert cv2.imread(str(view)).shape[:2] == (720, 960)
 
 
+@pytest.mark.slow
 def test_the_largest_px_refuses_only_where_it_is_given(tmp_path, capsys):
     file, out = written(tmp_path, "kalibr"), tmp_path / "goal.json"
     words = ("teach", "paper-example-1", "--camera", file, "--out", out)

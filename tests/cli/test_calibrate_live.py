@@ -72,6 +72,7 @@ def run(arguments, capsys):
     return code, capsys.readouterr()
 
 
+@pytest.mark.slow
 def test_live_calibrates_as_the_kept_images_do(source, images, tmp_path, capsys):
     live, again = tmp_path / "camera.yaml", tmp_path / "again.yaml"
     code, said = run(["--camera-source", source, "--out", live], capsys)
@@ -94,6 +95,7 @@ def watched(camera, **options):
     return watch_camera(camera, BoardViews(board_from_text(BOARD)), **options)
 
 
+@pytest.mark.slow
 def test_each_view_is_kept_once_however_often_it_is_shown(images):
     stopped = []
     shown = Shown(*(image for image in images for _ in range(4)), at_end=lambda: stopped.append(True))
@@ -147,6 +149,7 @@ def interrupted(monkeypatch, images):
     monkeypatch.setattr("omniservo.runs.open_hardware.camera_at", lambda uri: shown)
 
 
+@pytest.mark.slow
 def test_ctrl_c_calibrates_with_what_there_is(images, monkeypatch, tmp_path, capsys):
     interrupted(monkeypatch, images)
     usual, out = signal.getsignal(signal.SIGINT), tmp_path / "camera.yaml"
@@ -192,6 +195,7 @@ def test_a_folder_that_is_there_is_kept(source, tmp_path, capsys):
     assert "camera-images: exists" in said.err
 
 
+@pytest.mark.slow
 def test_a_terminal_shows_a_block_that_changes(images, monkeypatch, tmp_path, capsys):
     interrupted(monkeypatch, images)
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)

@@ -24,6 +24,7 @@ def stereo(tmp_path):
     return path
 
 
+@pytest.mark.slow
 def test_a_converted_file_keeps_what_the_conversion_leaves(capsys, tmp_path, stereo):
     out = tmp_path / "mei.yaml"
     options = ("--to", "mei", "--camera-name", "cam0", "--largest-px", 5)

@@ -102,6 +102,7 @@ def test_wrong_options_are_one_message(picture, tmp_path, capsys, options, named
     assert not out.exists()
 
 
+@pytest.mark.slow
 def test_show_draws_the_field(tmp_path, capsys):
     folder = tmp_path / "field"
     done(["camera", "show", "fe185", "--out", str(folder)])

@@ -198,6 +198,7 @@ D: !!opencv-matrix
 """
 
 
+@pytest.mark.slow
 def test_what_a_file_leaves_open_is_asked_for_and_a_conversion_says_its_residual(capsys, tmp_path):
     source, out = tmp_path / "fisheye.yml", tmp_path / "mei.yaml"
     source.write_text(FISHEYE)
@@ -280,6 +281,7 @@ def test_a_folder_of_other_things_is_refused_before_anything_is_done_in_it(comma
     assert [p.read_text() for p in tmp_path.iterdir()] == ["mine"]
 
 
+@pytest.mark.slow
 def test_a_backend_that_matplotlib_does_not_have_stops_no_drawing(tmp_path):
     command = [sys.executable, "-m", "omniservo", "camera", "show", "fe185", "--quiet", "--out", tmp_path]
     named = os.environ | {"MPLBACKEND": "Qt4Agg"}

@@ -62,6 +62,7 @@ def errors(answer):
     return np.degrees(turn), np.degrees(np.arccos(min(cosine, 1.0))), float(np.linalg.norm(t))
 
 
+@pytest.mark.slow
 def test_tags_give_motion_a_report_and_a_file(tmp_path, capsys):
     files = written(tmp_path, tagged(0.25 + 0.03 * np.array([0, 4, 1, 6, 3, 7, 5, 2])))
     length = float(np.linalg.norm(GOAL.translation))
@@ -76,6 +77,7 @@ def test_tags_give_motion_a_report_and_a_file(tmp_path, capsys):
     assert "<img" in report.read_text()
 
 
+@pytest.mark.slow
 def test_a_flat_board_is_refused_unless_the_target_is_said_to_be_flat(tmp_path, capsys):
     files = [*written(tmp_path, tagged(np.full(8, 0.3))), *TAGS]
     code, answer = estimated(capsys, *files)
@@ -86,6 +88,7 @@ def test_a_flat_board_is_refused_unless_the_target_is_said_to_be_flat(tmp_path, 
     assert (turn < 0.2) & (swing < 1.0)
 
 
+@pytest.mark.slow
 def test_natural_features_of_crates_give_the_motion(crates, capsys):
     code, answer = estimated(capsys, *crates, "--features", "natural")
     assert (code, answer["status"]) == (0, "ok")
@@ -93,6 +96,7 @@ def test_natural_features_of_crates_give_the_motion(crates, capsys):
     assert (turn < 0.2) & (swing < 1.0)
 
 
+@pytest.mark.slow
 def test_natural_features_tell_less_than_as_many_that_err_alone(crates):
     found = estimate_images("fe185", Path(crates[1]), Path(crates[3]), features="natural")
     matched = found.seen.matched

@@ -72,6 +72,7 @@ def squares(poses, covariances):
     return listed
 
 
+@pytest.mark.slow
 def test_the_command_gives_every_motion_in_any_order_within_its_stated_error_and_what_one_more_would_gain(
     capsys, crates, tags
 ):
@@ -99,6 +100,7 @@ def test_the_command_gives_every_motion_in_any_order_within_its_stated_error_and
     assert "one more image from" in out
 
 
+@pytest.mark.slow
 def test_an_image_of_something_else_is_named_and_the_others_are_joined(tmp_path, capsys, crates):
     other = tmp_path / "other.png"
     faces = crate(np.random.default_rng(77))
@@ -112,6 +114,7 @@ def test_an_image_of_something_else_is_named_and_the_others_are_joined(tmp_path,
     assert answer["frame"] == str(crates[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("given", ["edge", "length", "target"])
 def test_tags_give_the_scale_by_their_size_by_a_length_and_by_a_target(tmp_path, tags, given):
     scale = ImageScale(edge=EDGE) if given == "edge" else ImageScale(length=(0, 1, EDGE))
@@ -136,6 +139,7 @@ def test_several_tags_of_one_size_tell_the_scale_better_than_one(tags):
     assert all_of_them.estimate.size_sigma < 0.5 * one.estimate.size_sigma
 
 
+@pytest.mark.slow
 def test_the_poses_of_an_arm_give_the_scale(tmp_path, capsys, tags):
     rng = np.random.default_rng(8)
     mount = RigidTransform.from_components([0.03, 0.0, 0.08], Rotation.from_rotvec([0.0, 0.0, 0.3]))
@@ -208,6 +212,7 @@ def test_no_motion_is_written_where_the_first_or_the_last_image_is_not_joined(tm
     assert not out.exists()
 
 
+@pytest.mark.slow
 def test_identical_images_hold_no_motion(tmp_path, capsys, crates):
     files = [tmp_path / f"{k}.png" for k in range(3)]
     for file in files:

@@ -91,6 +91,7 @@ def test_every_command_is_called_here_or_elsewhere():
     assert set(QUICK) | LONG == set(LEAVES)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", QUICK)
 def test_json_is_one_object_and_quiet_is_nothing(capsys, folder, monkeypatch, name):
     monkeypatch.chdir(folder)
@@ -211,6 +212,7 @@ def test_a_command_that_is_ended_while_it_loads_is_one_message_too():
 COLOUR = ("\x1b[1;3", "\x1b[3", "\x1b[9")
 
 
+@pytest.mark.slow
 def test_colours_are_for_terminals_and_no_color_is_honoured():
     assert any(sign in shown(["--help"]) for sign in COLOUR)
     assert not any(sign in shown(["no-such-command"], NO_COLOR="1") for sign in COLOUR)

@@ -47,6 +47,7 @@ WRONG_CALLS = [
 ]
 
 
+@pytest.mark.slow
 def test_lists_and_wrong_calls_load_nothing_heavy(tmp_path):
     """One after the other in one process: none of them loads anything."""
     (tmp_path / "there").mkdir()
@@ -79,6 +80,7 @@ def test_a_warm_up_that_has_nothing_to_do_loads_nothing_heavy(tmp_path, monkeypa
     assert (heavy, ended, err) == ("[]", 0, "")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("sent", "code", "how"), [(signal.SIGINT, 130, "interrupted"), (signal.SIGTERM, 143, "terminated")]
 )
@@ -117,6 +119,7 @@ def test_an_interruption_names_what_was_written_before(capsys, tmp_path, monkeyp
     assert err.splitlines()[-1] == f"omniservo: interrupted; written before: {out}"
 
 
+@pytest.mark.slow
 def test_a_plan_tells_its_time_from_that_of_loading_code(tmp_path):
     written(tmp_path / "problem.json", problem())
     ended = subprocess.run(
@@ -132,6 +135,7 @@ def test_a_plan_tells_its_time_from_that_of_loading_code(tmp_path):
     assert not [line for line in constraints if " 1 at w" in line]
 
 
+@pytest.mark.slow
 def test_a_plan_is_written_also_where_nobody_reads_what_is_said(tmp_path):
     written(tmp_path / "problem.json", problem())
     ours, theirs = os.pipe()
@@ -149,6 +153,7 @@ def test_a_plan_is_written_also_where_nobody_reads_what_is_said(tmp_path):
     assert b"Traceback" not in ended.stderr
 
 
+@pytest.mark.slow
 def test_a_plan_comes_to_the_same_where_standard_error_is_closed(tmp_path):
     written(tmp_path / "problem.json", problem())
     ended = subprocess.run(
@@ -161,6 +166,7 @@ def test_a_plan_comes_to_the_same_where_standard_error_is_closed(tmp_path):
     assert ended.stdout.startswith(b"certified in")
 
 
+@pytest.mark.slow
 def test_a_command_that_compiles_says_so_while_it_does(tmp_path):
     script = (
         "import numpy as np\n"

@@ -62,6 +62,7 @@ def watched(*views, **options):
     return watch_camera(guided, choice, stopped=lambda: bool(ended)), choice
 
 
+@pytest.mark.slow
 def test_each_view_is_kept_once_with_the_joints_that_were_read(views):
     watch, choice = watched(*(view for view in views for _ in range(3)))
     assert len(watch.images) == len(choice.poses.joints) == len(views)
@@ -70,6 +71,7 @@ def test_each_view_is_kept_once_with_the_joints_that_were_read(views):
         assert np.array_equal(read, joints)
 
 
+@pytest.mark.slow
 def test_an_arm_that_turns_is_not_kept_though_its_image_stands(views):
     image, joints = views[0]
     turning = [(image, joints + 1e-3 * k) for k in range(4)]
@@ -85,6 +87,7 @@ def test_an_image_that_moves_though_the_arm_stands_is_not_kept(views):
     assert "moves though the arm stands" in watch.last.words
 
 
+@pytest.mark.slow
 def test_a_board_that_was_hidden_in_between_does_not_stand_still(views):
     hidden = (np.full_like(views[0][0], 90), views[0][1])
     watch, _ = watched(views[0], hidden, views[0])
@@ -191,6 +194,7 @@ def guided(monkeypatch, *views):
     return both
 
 
+@pytest.mark.slow
 def test_live_finds_the_mount_and_files_repeat_it(views, robot, monkeypatch, tmp_path, capsys):
     guided(monkeypatch, *views)
     out, again = tmp_path / "hand-eye.json", tmp_path / "again.json"
@@ -217,6 +221,7 @@ def test_a_folder_that_is_there_is_kept_and_refused_at_once(views, robot, monkey
     assert both.shown == 0
 
 
+@pytest.mark.slow
 def test_too_few_views_write_nothing(views, robot, monkeypatch, tmp_path, capsys):
     guided(monkeypatch, *views[:3])
     code, said = run(["--on", robot, "--out", tmp_path / "hand-eye.json"], capsys)

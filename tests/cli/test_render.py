@@ -60,6 +60,7 @@ def test_depth_and_segmentation_say_the_same_in_both_formats(capsys, folder):
     assert {geom["geom"] for geom in said["geoms"]} == set(np.unique(geoms)) - {-1}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ending", ["gif", "mp4", "avi"])
 def test_a_video_goes_along_the_path_of_a_plan(capsys, folder, ending):
     plan, video = folder / "plan.json", folder / f"way.{ending}"

@@ -14,6 +14,7 @@ from tests.robots.urdf_arms import urdf
 from omniservo.robots import load_arm, shipped_arms
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", shipped_arms())
 def test_a_shipped_arm_is_shown_as_json(capsys, name):
     code, out, err = call(capsys, "robot", "show", name, "--json")
@@ -29,6 +30,7 @@ def test_a_shipped_arm_is_shown_as_json(capsys, name):
     assert all(link["shapes"] for link in shown["links"])
 
 
+@pytest.mark.slow
 def test_an_arm_is_shown_to_people_with_degrees_and_drawn(capsys, tmp_path):
     code, out, err = call(capsys, "robot", "show", "rx60", "--out", tmp_path / "drawn")
     assert (code, err) == (0, "")
@@ -55,6 +57,7 @@ def test_the_flange_is_still_found_under_its_option_of_before(capsys):
     assert "--tool" not in call(capsys, "robot", "show", "--help")[1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("rpy", "rotation_vector"),
     [

@@ -54,6 +54,7 @@ def main_ends(arguments):
     assert not end.value.code
 
 
+@pytest.mark.slow
 def test_everything_is_computed_once_and_timed_as_it_was(ran):
     folder, _, _, calls = ran
     assert calls == {"see": 1, "plan_task": 1}

@@ -30,6 +30,7 @@ def small(tmp_path_factory):
     return written(tmp_path_factory.mktemp("small"), scenes=2)
 
 
+@pytest.mark.slow
 def test_a_study_is_run_and_leaves_rows_and_a_report(small, tmp_path, capsys):
     code, out, _ = call(capsys, "study", small, "--out", tmp_path / "rows", "--workers", 1, "--json")
     found = json.loads(out)
@@ -44,6 +45,7 @@ def test_a_study_is_run_and_leaves_rows_and_a_report(small, tmp_path, capsys):
         assert name in report
 
 
+@pytest.mark.slow
 def test_shards_are_run_and_merged_by_commands(small, tmp_path, capsys):
     for k in (1, 2):
         shard = ("--shard", f"{k}/2", "--workers", 1, "--json")
@@ -67,6 +69,7 @@ def test_shards_are_run_and_merged_by_commands(small, tmp_path, capsys):
     assert "in none of the folders" in err
 
 
+@pytest.mark.slow
 def test_without_pyarrow_rows_are_csv_and_a_line_says_how_to_get_parquet(
     small, tmp_path, capsys, monkeypatch
 ):
@@ -79,6 +82,7 @@ def test_without_pyarrow_rows_are_csv_and_a_line_says_how_to_get_parquet(
     assert len(lines) == 1 + 12
 
 
+@pytest.mark.slow
 def test_a_row_is_replayed_alone_with_images_report_and_plan(
     small,
     undisturbed,  # noqa: F811
@@ -114,6 +118,7 @@ def test_a_row_is_replayed_alone_with_images_report_and_plan(
     assert "has rows 0 to 11" in err
 
 
+@pytest.mark.slow
 def test_a_method_from_a_file_is_run_beside_the_others_and_its_code_is_not_kept(
     tmp_path, capsys, monkeypatch
 ):

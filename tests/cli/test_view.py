@@ -4,6 +4,7 @@ import sys
 import urllib.request
 from importlib import import_module
 
+import pytest
 from tests.cli.calling import call
 from tests.cli.valid_output import check_output
 
@@ -22,6 +23,7 @@ def test_what_is_no_task_plan_or_run_is_refused(capsys, tmp_path):
     assert "not a folder of omniservo run" in err
 
 
+@pytest.mark.slow
 def test_the_page_is_served_to_this_machine_alone_until_the_end():
     command = [sys.executable, "-m", "omniservo.cli.main", "view", "--no-browser", "--json", "--port", "8420"]
     environment = {**os.environ, "PYTHONUNBUFFERED": "1"}

@@ -118,12 +118,14 @@ def test_it_listens_is_armed_moves_and_brakes(opened, tmp_path):
     assert np.abs(closed[2]).max() < 0.2  # the drives' own lag behind the last zero
 
 
+@pytest.mark.slow
 def test_a_file_of_the_working_folder_is_no_part_of_the_drive_process(opened, tmp_path, monkeypatch):
     (tmp_path / "pickle.py").write_text("raise RuntimeError('not yours')")
     monkeypatch.chdir(tmp_path)
     assert opened().status.phase is Phase.LISTENING
 
 
+@pytest.mark.slow
 def test_an_arm_that_does_not_stand_by_zeros_is_not_armed(opened, tmp_path):
     (tmp_path / "fault").write_text("second_commander")
     client = opened(patience=20.0)
@@ -132,6 +134,7 @@ def test_an_arm_that_does_not_stand_by_zeros_is_not_armed(opened, tmp_path):
     assert client.status.phase not in (Phase.ARMED, Phase.MOVING)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "error", "words"), [(Unwatched, InputError, "watchdog"), (Nowhere, ConnectionLost, "nowhere:1")]
 )
@@ -157,6 +160,7 @@ def test_what_another_process_cannot_be_told_is_no_opener():
         ArmOpener(lambda: None)
 
 
+@pytest.mark.slow
 def test_the_drive_process_loads_nothing_that_reads_images_or_draws():
     code = (
         "import sys, omniservo.drive.main\n"
@@ -166,6 +170,7 @@ def test_the_drive_process_loads_nothing_that_reads_images_or_draws():
     assert told.stdout.strip() == "[]"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [signal.SIGKILL, signal.SIGTERM])
 def test_a_drive_process_that_ends_is_a_lost_connection(opened, kind):
     client = opened()
@@ -178,6 +183,7 @@ def test_a_drive_process_that_ends_is_a_lost_connection(opened, kind):
         client.carry(SIDEWAYS)
 
 
+@pytest.mark.slow
 def test_a_new_connection_leaves_the_workspace_where_it_was(opened, tmp_path):
     client = opened(Staying, options={"workspace": np.array([[-0.05] * 3, [0.05] * 3]), "reaction": 0.5})
 
@@ -223,6 +229,7 @@ def came_to_rest(tmp_path):
     return entries[-1][1] == "close"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [signal.SIGKILL, signal.SIGSTOP, signal.SIGTERM])
 def test_a_leader_that_is_gone_or_hangs_leaves_an_arm_at_rest(leader, tmp_path, kind):
     process, _ = leader
@@ -242,6 +249,7 @@ def test_a_leader_that_is_gone_or_hangs_leaves_an_arm_at_rest(leader, tmp_path, 
     assert np.abs(entries[-1][2]).max() < 0.05
 
 
+@pytest.mark.slow
 def test_a_drive_that_slept_does_not_go_on(leader, tmp_path):
     process, drive = leader
     os.kill(drive, signal.SIGSTOP)
@@ -297,6 +305,7 @@ def listening(kept):
     client.release(client.stopped.reason)
 
 
+@pytest.mark.slow
 def test_what_was_measured_and_sent_is_known_here_too(listening):
     client, _ = listening
     client.enable()
@@ -318,6 +327,7 @@ def test_joint_velocities_too_and_what_became_of_them_is_told(listening):
     until(lambda: client.status.joints[2, 5] > 0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("fault", "reason"),
     [
@@ -396,6 +406,7 @@ def test_the_drive_itself_moves_nothing_before_it_is_armed_and_after_it_was_rele
     assert not np.any(later)
 
 
+@pytest.mark.slow
 def test_a_command_that_none_follows_expires(listening):
     client, folder = listening
     client.enable()
@@ -433,6 +444,7 @@ def test_before_the_first_image_nothing_moves_and_that_is_said(listening, camera
     stays_stopped(client, folder)
 
 
+@pytest.mark.slow
 def test_a_drive_that_hangs_gives_no_joints(listening):
     """Else who waits for images by the time of the joints would wait for ever."""
     client, _ = listening
@@ -480,6 +492,7 @@ def test_a_command_that_comes_after_its_deadline_is_said_not_to_be_followed(list
     stays_stopped(client, folder)
 
 
+@pytest.mark.slow
 def test_images_that_stand_still_stop_it(listening, camera):
     client, folder = listening
     client.enable()

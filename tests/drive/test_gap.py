@@ -92,6 +92,7 @@ def driven(tmp_path):
         client.close()
 
 
+@pytest.mark.slow
 def test_it_stands_by_commands_while_images_are_missing_and_reaches_the_goal(driven):
     waits = []
     folder, client, tracker, camera, stop = driven(
@@ -112,6 +113,7 @@ def test_it_stands_by_commands_while_images_are_missing_and_reaches_the_goal(dri
     assert client.stopped is None
 
 
+@pytest.mark.slow
 def test_what_stops_the_arm_while_it_waits_stays(driven):
     def fail(folder, waiting):
         if np.isnan(waiting.until):

@@ -74,6 +74,7 @@ def recorded(tmp_path):
     return tmp_path / "r.mcap", answers, since
 
 
+@pytest.mark.slow
 def test_commands_are_recorded_as_they_reached_the_arm_among_the_joints(recorded, tmp_path):
     file, _, since = recorded
     log = [
@@ -97,6 +98,7 @@ def test_commands_are_recorded_as_they_reached_the_arm_among_the_joints(recorded
         assert not after or after[0] >= instant - 2e-3
 
 
+@pytest.mark.slow
 def test_a_replay_answers_each_call_as_it_was_answered(recorded):
     file, answers, _ = recorded
     arm = Arm.rx60()
@@ -111,6 +113,7 @@ def test_a_replay_answers_each_call_as_it_was_answered(recorded):
             robot.image()
 
 
+@pytest.mark.slow
 def test_calls_that_were_not_made_are_answered_by_what_is_known(recorded):
     file, answers, _ = recorded
     robot = RecordedRobot(RecordedJob(RecordedRun(file)), Arm.rx60(), MOUNT, SafetyOptions())

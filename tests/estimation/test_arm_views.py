@@ -82,6 +82,7 @@ def answered(**changes):
     return [each for each in found if each[-1].status == "ok"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "changes",
     [
@@ -99,6 +100,7 @@ def test_the_stated_covariance_of_the_goal_holds_the_truth(changes):
     assert 0.2 < np.mean(np.array(squares) < chi2.ppf(0.5, 6)) < 0.85
 
 
+@pytest.mark.slow
 def test_one_more_view_more_than_halves_the_uncertainty_and_the_error_follows():
     before, after, errors = [], [], []
     for goal, _, _, start, estimate in answered():
@@ -133,6 +135,7 @@ def test_what_is_expected_of_a_view_is_what_it_then_gives():
     assert 0.5 < np.median(ratios) < 2.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("view", "is_guess"), [(0, True), (1, False)], ids=["where the arm stands, guessed", "goal, stated"]
 )

@@ -18,6 +18,7 @@ def erring(name="fe185", sigma=0.3):
     return UnifiedCamera.from_dict({**exact.to_dict(), "model_error": error})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["fe185", "perspective"])
 def test_an_ellipsoid_covers_a_smooth_lens_error_that_is_stated_and_not_one_that_is_not(name):
     found = field_coverage(name, 0.3, 60, 0.1, 100)

@@ -47,6 +47,7 @@ def held(error, covariance):
     return error @ np.linalg.solve(covariance, error) < chi2.ppf(0.95, 6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("count", "noise"), [(4, SIGMA), (40, SIGMA), (40, None)])
 def test_poses_of_a_tag_and_of_a_target_cover_parameters_that_are_off_as_stated(count, noise):
     rng, one, two, exact = np.random.default_rng(4), 0, 0, 0

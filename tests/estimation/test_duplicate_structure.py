@@ -130,6 +130,7 @@ def test_a_body_that_shrinks_to_one_place_is_not_taken_onto_itself():
         assert duplicate_structure(*fitted(scene, rng, 0.01)) is None
 
 
+@pytest.mark.slow
 def test_symmetric_bodies_matched_to_their_turned_selves_are_hardly_ever_answered():
     scenes = [answered(BODIES, k, 4711) for k in range(40)]
     tempting = [found.status for scene, found in scenes if scene.right >= 5]

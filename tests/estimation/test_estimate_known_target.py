@@ -44,6 +44,7 @@ def test_the_stated_noise_of_each_image_counts_for_its_own_pose(make_scene):
     assert all(np.trace(one) > 1.5 * np.trace(alike) for one in blurred)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stated", [None, 0.3])
 def test_covariances_are_those_of_repeated_noise_jointly(make_scene, stated):
     rng = np.random.default_rng(2)

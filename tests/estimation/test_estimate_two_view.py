@@ -88,6 +88,7 @@ def test_both_parametrisations_and_both_starts_of_robustness_agree(make_scene):
         assert one.rms_px == pytest.approx(other.rms_px, rel=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["pixel", "virtual-plane"])
 def test_the_answer_is_the_minimum_that_scipy_finds_from_the_truth(make_scene, method):
     rng = np.random.default_rng(25)

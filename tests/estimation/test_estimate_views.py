@@ -98,6 +98,7 @@ def test_two_views_give_what_estimate_two_view_gives():
         )
 
 
+@pytest.mark.slow
 def test_more_views_make_the_answer_sharper():
     rng = np.random.default_rng(4)
     two, five = [], []
@@ -115,6 +116,7 @@ def test_more_views_make_the_answer_sharper():
     assert np.median(five) < 0.7 * np.median(two)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", ["two points", "two views", "many known points"])
 def test_covariances_are_those_of_repeated_noise(scale):
     walk = Walk(np.random.default_rng(5), views=5, n=16)
@@ -201,6 +203,7 @@ def test_noise_that_is_not_stated_is_found_where_it_is_more_than_usual():
     assert found.noise_px == pytest.approx(2.0, rel=0.15)
 
 
+@pytest.mark.slow
 def test_one_residual_alone_does_not_tell_the_noise():
     outside = []
     for seed in range(40):

@@ -6,6 +6,7 @@ from benchmarks.flat_pairs import LENSES, METHODS, SHARES, rendered_pair
 ANSWERS = [(method, share) for method in METHODS for share in SHARES]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [15, 23, 83, 401, 1037, 2291])
 def test_features_of_one_plane_are_a_plane_and_never_a_scene_that_is_sure_and_wrong(seed):
     """Each of them was, with one of the noises stated."""

@@ -52,6 +52,7 @@ def test_samples_have_the_joint_covariance_of_repeated_noise(make_scene):
     assert np.abs(gap).max() < 0.4
 
 
+@pytest.mark.slow
 def test_covariances_are_those_of_the_samples(make_scene):
     rng = np.random.default_rng(82)
     scene = make_scene(rng, n=20)
@@ -103,6 +104,7 @@ def test_the_response_to_the_camera_is_that_of_estimating_with_another_camera(ma
     np.testing.assert_allclose(sign * law.calibration[0], expected, atol=0.02 * np.abs(expected).max())
 
 
+@pytest.mark.slow
 def test_few_noisy_points_are_covered_because_the_valleys_are_walked(make_scene):
     """Nine points over 60 px, 0.5 px: the linear ellipsoid alone covers about 80%."""
     rng, covered, linear, trials = np.random.default_rng(85), 0, 0, 0
@@ -231,6 +233,7 @@ def test_noise_makes_the_ellipsoid_of_the_structure_larger_and_smaller_as_its_si
     assert base.uncertainty.structure_freedom == pytest.approx(2.0 / np.var(sizes), rel=0.35)
 
 
+@pytest.mark.slow
 def test_a_known_length_takes_its_part_of_the_size_variance(make_scene):
     """The distance of two points is held, so the whole structure cannot come nearer as freely."""
     rng, ratios = np.random.default_rng(92), []
@@ -243,6 +246,7 @@ def test_a_known_length_takes_its_part_of_the_size_variance(make_scene):
     assert base.uncertainty.size_variance == pytest.approx(np.var(ratios), rel=0.35)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("points", "noise", "stretched"), [(20, 0.01, False), (9, 0.5, True)])
 def test_samples_of_a_few_points_follow_the_law_of_all(make_scene, points, noise, stretched):
     """In any order, after a rejected match, by the normal law and by the likelihood."""

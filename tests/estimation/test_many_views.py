@@ -50,6 +50,7 @@ def displaced(scene, pairs, sigmas=(1e-3, 1e-3), off=None):
     return KnownDisplacements(pairs, moves, np.diag(np.repeat(np.square(sigmas), 3)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("setting", "error"),
     [
@@ -228,6 +229,7 @@ def test_without_the_first_view_the_frame_is_that_of_the_next_and_that_is_said()
         found.two_view(2)
 
 
+@pytest.mark.slow
 def test_pixels_with_larger_stated_noise_count_less():
     rng, errors = np.random.default_rng(12), {True: [], False: []}
     for _ in range(15):
@@ -309,6 +311,7 @@ def test_noise_and_windows_of_another_shape_are_named():
         estimate_views(CAMERA, ViewPoints(pixels), noise=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", ["length", "displacements"])
 def test_what_a_further_view_is_said_to_gain_it_gains(scale):
     rng, ratios = np.random.default_rng(17), []

@@ -163,6 +163,7 @@ def test_planar_derivatives_agree_with_finite_differences(camera, make_view):
         np.testing.assert_allclose(here.to_ray[:, :, i], slope, rtol=1e-5, atol=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", [None, ((0, 7), None)])
 def test_covariance_before_a_board_is_that_of_repeated_noise_or_a_little_larger(fisheye, make_view, scale):
     """The law is stretched to the tips of 5 σ: at most by a half in σ."""

@@ -100,6 +100,7 @@ def views_of(rng, count, n=40):
     return np.swapaxes(seen.reshape(n, count, 2), 0, 1), [poses[0].inv() * p for p in poses]
 
 
+@pytest.mark.slow
 def test_several_views_cover_a_smooth_lens_error_that_is_stated_and_not_one_that_is_not():
     rng, hits = np.random.default_rng(5), {True: 0, False: 0}
     for _ in range(40):

@@ -16,6 +16,7 @@ def fisheye(shared_data):
     return data, data.calibrated()
 
 
+@pytest.mark.slow
 def test_real_pairs_are_answered_and_their_covariance_holds_the_truth(fisheye):
     found = [(e, t) for _, _, e, t in estimates(*fisheye, "given", "calibration")]
     scores = [score(e, t) for e, t in found if e.status == "ok"]
@@ -32,6 +33,7 @@ def test_a_flat_board_is_no_scene_whatever_its_noise_is_stated_to_be(fisheye, no
         assert found.status in ("planar_points", "ambiguous")
 
 
+@pytest.mark.slow
 def test_a_flat_board_answered_as_a_plane_is_never_sure_and_wrong(fisheye):
     data, calibration = fisheye
     answered = 0

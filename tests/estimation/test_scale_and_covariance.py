@@ -40,6 +40,7 @@ def test_one_known_length_scales_translation_and_every_point(make_scene, kind):
         assert np.linalg.norm(metric.points[2] - metric.points[7]) == pytest.approx(known)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["pixel", "virtual-plane"])
 def test_the_95_percent_ellipsoid_covers_95_percent(make_scene, method):
     rng = np.random.default_rng(53)
@@ -61,6 +62,7 @@ def test_the_95_percent_ellipsoid_covers_95_percent(make_scene, method):
     assert 0.90 <= inside["chi2"] / trials <= 0.98
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["none", "displacement", "length"])
 def test_covariance_of_motion_and_points_is_that_of_repeated_noise(make_scene, kind):
     rng = np.random.default_rng(54)

@@ -37,6 +37,7 @@ def surface(make_view, camera, rng, method):
             return scene
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("method", "times"), [("pixel", 100), ("homography", 120)])  # which takes longer
 def test_the_ellipsoid_is_right_for_errors_that_neighbours_share(make_view, fisheye, method, times):
     rng = np.random.default_rng(71)

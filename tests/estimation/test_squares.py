@@ -167,6 +167,7 @@ def test_a_corner_of_a_known_tag_of_which_three_are_wrong_does_not_count():
     assert not one_case(("one wrong tag number", 301518))[2][1]
 
 
+@pytest.mark.slow
 def test_six_tags_that_one_motion_explains_are_answered_whatever_noise_is_stated(make_view, fisheye):
     rng, answered = np.random.default_rng(7), 0
     for _ in range(20):

@@ -95,6 +95,7 @@ def test_sharp_points_count_more_than_blurred_ones(make_scene):
     assert np.median(ratios) < 0.4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["pixel", "virtual-plane"])
 def test_with_the_noise_stated_the_ellipsoid_is_that_of_chi_square(make_scene, method):
     rng = np.random.default_rng(74)
@@ -171,6 +172,7 @@ def test_an_illegal_noise_says_what_is_legal(make_scene, noise, message):
         estimate_two_view(scene.camera, scene.pixels_initial, scene.pixels_goal, noise=noise)
 
 
+@pytest.mark.slow
 def test_seven_matches_that_contradict_the_stated_noise_have_a_covariance(make_scene):
     """Of two degrees of freedom it was a ZeroDivisionError where the covariance was read."""
     contradicted = 0

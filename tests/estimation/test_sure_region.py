@@ -97,6 +97,7 @@ def test_the_tips_of_a_doubt_lie_on_its_ellipsoid():
     np.testing.assert_allclose(np.sqrt(squares), 4.0, rtol=0.02)
 
 
+@pytest.mark.slow
 def test_noise_of_half_a_pixel_is_not_doubted_more_often_than_said():
     """Where nothing is stated, one honest answer in twenty takes some of its noise for a common one."""
     camera, wider = preset("perspective"), 0

@@ -44,6 +44,7 @@ def angles_to(pose, truth):
     return math.degrees(turn), math.degrees(math.acos(min(1.0, pose.translation @ direction)))
 
 
+@pytest.mark.slow
 def test_a_body_that_is_matched_to_its_turned_self_is_ambiguous_and_the_right_motion_is_given_too():
     count = 0
     for scene, found in seen(symmetric, range(40)):

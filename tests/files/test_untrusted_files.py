@@ -80,6 +80,7 @@ def test_a_file_that_says_it_is_empty_is_read_no_further_than_allowed():
         read_text(said, max_bytes=8)
 
 
+@pytest.mark.slow
 def test_yaml_of_many_values_is_refused_after_so_many_and_json_may_have_more():
     values = "1, " * (MOST_YAML_VALUES + 1)
     with pytest.raises(InputError, match="^file: more than 30000 values of YAML; JSON may have more"):

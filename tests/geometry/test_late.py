@@ -56,6 +56,7 @@ def compiled_by(tmp_path_factory):
     return names
 
 
+@pytest.mark.slow
 def test_families_that_a_problem_lacks_are_not_compiled_and_later_only_what_was_lacking(compiled_by):
     first, second = set(compiled_by("ball")), set(compiled_by("wall"))
     assert "pose_margins" in first

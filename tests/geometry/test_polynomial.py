@@ -135,6 +135,7 @@ def test_a_polynomial_that_touches_zero_inside_is_undecided():
     assert decide(np.array([1.0, -2.0 * third, third * third]))[0] != REFUTED
 
 
+@pytest.mark.slow
 def test_random_polynomials_are_decided_as_exact_arithmetic_decides():
     rng = np.random.default_rng(7)
     seen = {PROVEN: 0, REFUTED: 0}

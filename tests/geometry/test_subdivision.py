@@ -84,6 +84,7 @@ def at(controls, w):
     return b[:, 0]
 
 
+@pytest.mark.slow
 def test_proven_pieces_cover_all_of_the_interval_and_none_twice():
     answer, rows = run(4)
     assert answer == (PROVEN, 0.0, 0)

@@ -97,6 +97,7 @@ def test_an_end_from_before_ends_nothing_and_the_next_one_does():
     assert ended
 
 
+@pytest.mark.slow
 @given(
     steps=st.lists(
         st.tuples(

@@ -79,6 +79,7 @@ def test_without_stamps_the_arrival_counts_and_that_is_said():
     assert all(image.time_sigma >= 0.002 for image in found)
 
 
+@pytest.mark.slow
 def test_delay_jitter_and_loss_are_put_in():
     with MjpegServer(WallClockCamera(), faults=LinkFaults(latency=0.2, jitter=0.03, loss=0.2)) as server:
         camera = open_camera(server.url, patience=PATIENCE)
@@ -147,6 +148,7 @@ def test_a_size_that_changes_is_a_fault_from_then_on():
         camera.close()
 
 
+@pytest.mark.slow
 def test_a_camera_that_was_lost_comes_back_by_itself():
     source = WallClockCamera()
     server = MjpegServer(source)
@@ -254,6 +256,7 @@ def test_images_that_are_broken_are_passed_over():
         camera.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("head", "parts", "words"),
     [

@@ -72,6 +72,7 @@ def test_a_frame_of_an_earlier_instant_is_not_shown(opened):
     wait_for(lambda: camera.image().time > shown.time)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("step", [3.0, -30.0])
 def test_stamps_that_prove_to_be_none_soon_after_opening_are_left_aside(opened, monkeypatch, step):
     monkeypatch.setattr(newest_frame, "TRIAL", 1e9)
@@ -86,6 +87,7 @@ def test_stamps_that_prove_to_be_none_soon_after_opening_are_left_aside(opened, 
     assert camera.image().time <= time.monotonic()
 
 
+@pytest.mark.slow
 def test_a_clock_that_is_set_later_is_a_fault(opened, monkeypatch):
     monkeypatch.setattr(newest_frame, "TRIAL", 0.0)
     reader = BeatingReader()

@@ -115,6 +115,7 @@ def test_a_video_file_comes_at_its_own_rate(tmp_path):
     assert camera.trouble is None
 
 
+@pytest.mark.slow
 def test_a_live_stream_by_opencv_is_read_and_says_what_its_stamps_are():
     with MjpegServer(WallClockCamera(60.0)) as server:
         camera = NewestFrame("stream", lambda: OpencvReader(server.url, PATIENCE), patience=PATIENCE)
@@ -152,6 +153,7 @@ def test_what_there_is_not_is_one_message(uri, words, tmp_path, monkeypatch):
         open_camera(uri, patience=2.0)
 
 
+@pytest.mark.slow
 def test_opencv_and_ffmpeg_write_nothing_about_a_stream_that_is_not_there():
     script = """
 from omniservo.errors import InputError

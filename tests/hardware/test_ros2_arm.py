@@ -104,6 +104,7 @@ class Talking:
         self.thread.join()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "faults",
     [
@@ -139,6 +140,7 @@ def test_the_arm_goes_as_commanded_and_rests_when_commands_end(faults):
             listener.close()
 
 
+@pytest.mark.slow
 def test_stop_brakes_and_the_arm_may_go_again():
     with Served(DOMAIN) as served:
         arm = opened()
@@ -158,6 +160,7 @@ def test_stop_brakes_and_the_arm_may_go_again():
             arm.read()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGSTOP])
 def test_a_killed_or_halted_program_leaves_an_arm_at_rest(end):
     with Served(DOMAIN) as served:
@@ -176,6 +179,7 @@ def test_a_killed_or_halted_program_leaves_an_arm_at_rest(end):
             client.join()
 
 
+@pytest.mark.slow
 def test_joints_are_matched_by_name_whatever_their_order():
     order = [3, 5, 0, 1, 4, 2]
     names = tuple(NAMES[i] for i in order)
@@ -223,6 +227,7 @@ def test_a_topic_of_another_type_is_named(node):
         Ros2Arm(NAMES, A, network=HERE, patience=1.0)
 
 
+@pytest.mark.slow
 def test_no_controller_and_one_that_requests_what_is_not_offered(node):
     states = node.publish("/joint_states", JointStateMessage)
     with Talking(states):
@@ -244,6 +249,7 @@ def test_no_controller_and_one_that_requests_what_is_not_offered(node):
         listening.close()
 
 
+@pytest.mark.slow
 def test_commands_go_on_from_where_the_joints_were_commanded_as_far_as_drives_lag(arm_only):
     """Joints that lag, here for ever: from measured positions each message would take back the one before."""
     moved = START.copy()
@@ -396,6 +402,7 @@ def test_messages_that_change_in_mid_run_are_invalid_data(arm_only, change, word
         arm.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("step", [5.0, -5.0])
 def test_a_clock_that_is_set_is_a_clock_fault(arm_only, step):
     def later(message):
@@ -453,6 +460,7 @@ def test_a_joint_that_is_no_number_is_never_commanded(arm_only):
         assert arm_only[1].take() == []
 
 
+@pytest.mark.slow
 def test_velocities_that_no_message_has_are_differences_of_positions():
     with Served(DOMAIN, velocities=False) as served:
         arm = opened()
@@ -511,6 +519,7 @@ def test_a_stated_watchdog_is_taken_and_must_be_a_time():
         TwistCommands(Arm.rx60(), watchdog=2.0)
 
 
+@pytest.mark.slow
 def test_velocities_go_in_the_controllers_order_and_are_braked_step_by_step():
     """The stand-in keeps the last velocity for ever, as the controller does; a driver that lives brakes."""
     order = [3, 5, 0, 1, 4, 2]
@@ -529,6 +538,7 @@ def test_velocities_go_in_the_controllers_order_and_are_braked_step_by_step():
         assert at_rest(served)["q"][0] > told["q"][0]
 
 
+@pytest.mark.slow
 def test_a_watchdog_that_is_only_stated_does_not_pass_for_one():
     """The thread that brakes for a loop that hangs would pass for it, and ends with its process."""
     commands = VelocityCommands(NAMES, watchdog=0.1)
@@ -557,6 +567,7 @@ def test_rest_is_sent_even_where_the_thread_that_brakes_slept_through_the_brakin
         arm.close()
 
 
+@pytest.mark.slow
 def test_braking_goes_on_after_the_clock_was_set(node):
     commands = VelocityCommands(NAMES, watchdog=0.1)
     heard = node.subscribe(commands.topic, Float64MultiArrayMessage, reliable=True, depth=1000)
@@ -575,6 +586,7 @@ def test_braking_goes_on_after_the_clock_was_set(node):
         arm.close()
 
 
+@pytest.mark.slow
 def test_a_twist_moves_the_flange_as_the_joints_would():
     commands = TwistCommands(Arm.rx60(), watchdog=0.1)
     speeds = np.array([0.2, -0.1, 0.15, 0.1, -0.2, 0.1])
@@ -656,6 +668,7 @@ def test_topics_that_are_not_legal_are_named(topic):
         Ros2Arm(NAMES, A, network=HERE, joint_states=topic)
 
 
+@pytest.mark.slow
 def test_a_controller_that_does_not_acknowledge_commands_is_refused_at_the_opening(monkeypatch):
     prove = Ros2Arm._prove
     with Served(DOMAIN) as served:

@@ -221,6 +221,7 @@ def wait_until(condition, what="it"):
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("topic", "faults"),
     [
@@ -284,6 +285,7 @@ class Sending:
         self.thread.join()
 
 
+@pytest.mark.slow
 def test_nothing_there_another_type_and_incompatible_qos_are_told_apart(node):
     with pytest.raises(ConnectionLost, match="no image in 0.3 s .*nobody publishes /camera/image_raw"):
         Ros2Camera("/camera/image_raw", network=HERE, patience=0.3)

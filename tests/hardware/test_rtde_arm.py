@@ -304,6 +304,7 @@ def test_the_controllers_clock_is_mapped_to_ours():
             arm.close()
 
 
+@pytest.mark.slow
 def test_an_arm_is_braked_although_its_controllers_clock_was_set(stand_in):
     """It does not wait for the watchdog, nor does that end the program."""
     arm = opened(stand_in)

@@ -115,6 +115,7 @@ def test_what_a_controller_says_in_words_is_passed_on():
         assert "it said 'controller is busy'" in str(refusal(controller.address, patience=0.3))
 
 
+@pytest.mark.slow
 @given(
     kind=st.sampled_from([k for k in PacketKind if k not in (PacketKind.DATA, PacketKind.PAUSE)]),
     garbage=st.one_of(
@@ -186,6 +187,7 @@ def test_a_stamp_that_is_no_number_is_a_fault(running):
     assert isinstance(fault_of(arm), NotFinite)
 
 
+@pytest.mark.slow
 def test_a_controller_that_falls_silent_is_lost(running):
     _, arm = running
     assert "silent for 2.0 s" in str(fault_of(arm))

@@ -21,6 +21,7 @@ def own_address():
     return f"127.{number >> 16 & 0x7F}.{number >> 8 & 0xFF}.{2 + (number & 0xFF) % 250}"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("registers", ["lower", "upper"])
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems have one address of the loop-back device")
 def test_ur_rtde_reads_moves_stops_and_is_watched(registers):

@@ -75,6 +75,7 @@ def test_what_is_kept_for_joints_off_the_line_holds_for_every_point_of_the_arm(a
     assert all(0.0 < most[link] <= tube.links[link] for link in bodies.links)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("aside", [0.0, 0.4])
 def test_what_is_kept_for_joints_off_the_line_holds_for_a_camera_wherever_it_sits(arm, aside):
     mount = RigidTransform.from_translation([aside, 0.0, 0.1])

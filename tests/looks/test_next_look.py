@@ -26,6 +26,7 @@ def is_planned_at_risk(there, risk=0.005):
     ).ok
 
 
+@pytest.mark.slow
 def test_a_start_near_a_singularity_is_left_by_a_certified_move_to_where_there_is_a_plan(standing, tube):
     here = standing(start=SINGULAR, tube=tube)
     assert not is_planned(here)
@@ -39,6 +40,7 @@ def test_a_start_near_a_singularity_is_left_by_a_certified_move_to_where_there_i
     assert found.move.joints.singular_values[0] < tube.singular_value <= found.move.joints.singular_values[-1]
 
 
+@pytest.mark.slow
 def test_the_look_that_is_expected_to_tell_most_of_those_with_a_plan_is_taken(standing):
     here = standing(noise=1.0)
     found = next_look(here, lambda there: True, 0)
@@ -46,6 +48,7 @@ def test_the_look_that_is_expected_to_tell_most_of_those_with_a_plan_is_taken(st
     assert found.size < 0.6 * uncertainty_size(here.estimate)
 
 
+@pytest.mark.slow
 def test_a_look_that_failed_is_not_taken_again_and_smaller_changes_of_the_view_come_first(standing):
     here = standing(noise=1.0)
     first = next_look(here, lambda there: False, 0)
@@ -67,6 +70,7 @@ def test_a_look_that_failed_is_not_taken_again_and_smaller_changes_of_the_view_c
     assert not bold[0]
 
 
+@pytest.mark.slow
 def test_of_many_points_those_that_are_followed_have_to_stay_in_view_in_fifty_structures(standing):
     here = standing(count=120)
     rows = here.planned_rows
@@ -78,6 +82,7 @@ def test_of_many_points_those_that_are_followed_have_to_stay_in_view_in_fifty_st
     assert len(here.expected_after(found.move).problem.points) == MOST_POINTS
 
 
+@pytest.mark.slow
 def test_a_look_after_which_nothing_is_known_better_is_not_taken(standing):
     here = replace(standing(), optimum=None)
     found = next_look(here, lambda there: False, 0)
@@ -85,6 +90,7 @@ def test_a_look_after_which_nothing_is_known_better_is_not_taken(standing):
     assert "nor to make what is uncertain smaller" in found
 
 
+@pytest.mark.slow
 def test_a_candidate_that_cannot_be_planned_from_is_no_plan(standing):
     def refuses(there):
         raise InputError("nothing is left of the image")

@@ -25,6 +25,7 @@ def picture(shift=(0.0, 0.0, 0.0), cover=()):
     return CAMERA.project(centres)[0], render(CAMERA, Scene([*patches, *cover]))
 
 
+@pytest.mark.slow
 def test_dots_are_followed_through_a_dropout_and_found_again():
     tracker = DotTracker(CAMERA)
     expected, _ = picture()

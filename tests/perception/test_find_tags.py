@@ -51,6 +51,7 @@ def errors(camera, tags, found):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CAMERAS)
 def test_tags_are_located_to_hundredths_of_a_pixel_out_to_the_rim(name):
     camera = CAMERAS[name]
@@ -76,6 +77,7 @@ def test_a_tag_that_looks_the_same_upside_down_is_not_reported():
         assert find_tags(image, camera, "aruco_original").ids.tolist() == ids
 
 
+@pytest.mark.slow
 def test_cameras_of_other_models_and_narrow_ones_find_tags_too():
     for camera in (
         KannalaBrandt(200.0, 200.0, 319.5, 239.5, 640, 480, k=(0.01, -0.003, 0.0, 0.0)),
@@ -85,6 +87,7 @@ def test_cameras_of_other_models_and_narrow_ones_find_tags_too():
         assert errors(camera, tags, find_tags(render(camera, tags), camera)).max() < 0.08
 
 
+@pytest.mark.slow
 def test_errors_are_as_large_as_their_covariance_says():
     normalised = []
     for seed in range(10):
@@ -100,6 +103,7 @@ def test_errors_are_as_large_as_their_covariance_says():
     assert np.mean(np.array(normalised) < chi2.ppf(0.95, 2)) > 0.88
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["tag36h11", "tagStandard41h12"])
 def test_a_print_that_is_bent_has_corners_as_uncertain_as_they_are_off(name):
     normalised, off, stated = [], [], []
@@ -162,6 +166,7 @@ def pictures_without_tags():
         yield np.full(shape, grey, dtype=np.uint8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["tag36h11", "4x4_1000"])
 def test_noise_has_no_tags_and_a_bounded_number_of_squares_to_read(name):
     for image in pictures_without_tags():

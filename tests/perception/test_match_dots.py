@@ -196,6 +196,7 @@ def test_drawn_layouts_are_never_matched_wrongly(protocol):
     assert figures["refused"] <= 3
 
 
+@pytest.mark.slow
 def test_drawn_dots_are_all_found_and_no_other(protocol):
     figures = protocol.dot_centres(count=12, seed=12)
     assert figures["lost_of_12_px_or_more"] == 0

@@ -52,6 +52,7 @@ def offsets(plates, match, there=THERE):
     return match.goal.pixels - truth
 
 
+@pytest.mark.slow
 def test_matched_pixels_show_the_same_point_of_the_surface(scene):
     plates, _, _, match = scene
     assert match.status == "ok"
@@ -125,6 +126,7 @@ def test_few_pairs_of_one_plane_among_many_features_are_believed(scene):
     assert len(found) >= 16
 
 
+@pytest.mark.slow
 def test_the_motion_of_clear_pairs_finds_a_third_more_of_a_turned_camera():
     rng, there = np.random.default_rng(5), pose([0.5, 0.1, 0.1], [5, -50, 30])
     plates = corner(rng)
@@ -204,6 +206,7 @@ def test_no_feature_is_found_twice_where_views_meet():
     assert (found.descriptors[i] * found.descriptors[j]).sum(1).max(initial=0.0) < 0.97
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("angle", [60.0, 88.0])
 def test_features_are_matched_wherever_the_lens_looks(angle):
     rng = np.random.default_rng(7)
@@ -218,6 +221,7 @@ def test_features_are_matched_wherever_the_lens_looks(angle):
         assert (bearings[:, 2] < 0.0).sum() > 10  # past 90° from the axis
 
 
+@pytest.mark.slow
 def test_a_pattern_that_repeats_is_ambiguous_however_well_its_shifted_copy_fits():
     rng = np.random.default_rng(32)
     plates = [Plate(pose([0.0, 0.0, 0.5]), (0.6, 0.6), tiles(rng, 32), 0.004)]
@@ -238,6 +242,7 @@ def test_a_small_repeated_part_does_not_spoil_the_rest():
     assert (distance < 1.0).mean() > 0.95
 
 
+@pytest.mark.slow
 def test_pictures_of_different_places_or_of_nothing_have_too_few_pairs(scene):
     _, initial, _, _ = scene
     other = picture(CAMERA, relief(np.random.default_rng(77)), THERE, rays=2)

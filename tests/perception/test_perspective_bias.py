@@ -180,6 +180,7 @@ def test_left_out_patches_stay_and_say_nothing_of_the_others():
     np.testing.assert_allclose(found.places[good], alone.places, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_matches_of_a_picture_of_a_plate_askew_no_longer_err_alike(monkeypatch):
     camera, rng = preset("fe185"), np.random.default_rng(6)
     plate = scenes.Plate(

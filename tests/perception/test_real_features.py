@@ -21,6 +21,7 @@ def found(camera):
     return {name: (image, find_features(image, camera)) for name, image in images.items()}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("index", range(4))
 def test_our_own_features_give_the_boards_pose(camera, found, index):
     pair = real_pairs.read_pairs()[index]
@@ -37,6 +38,7 @@ def test_our_own_features_give_the_boards_pose(camera, found, index):
     assert swing <= 4.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("index", range(4))
 def test_with_the_noise_and_windows_that_they_state_they_are_not_taken_for_another_cameras(
     camera, found, index

@@ -132,6 +132,7 @@ def test_wrong_calls_are_refused():
         tracker().update(np.zeros((3, 3), np.uint8), TRUE)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("corner", range(4))
 def test_through_a_lens_without_an_end_a_corner_without_prediction_loses_its_tag(corner):
     camera = UnifiedCamera(400.0, 400.0, 319.5, 239.5, 0.0, 640, 480)

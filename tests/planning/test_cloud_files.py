@@ -153,6 +153,7 @@ def test_a_broken_file_is_refused_by_name_in_bounded_time_and_memory(tmp_path, n
     assert peak < 150e6
 
 
+@pytest.mark.slow
 def test_a_million_points_in_the_problem_itself_are_refused_at_once(tmp_path):
     path = problem_in(tmp_path, "scan.npy", FILES["scan.npy"])
     points = "[" + "[0,0,1]," * 999_999 + "[0,0,1]]"

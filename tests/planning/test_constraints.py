@@ -79,6 +79,7 @@ def _bernstein(n: int, k: int) -> np.ndarray:
     return power_from_bernstein(controls)[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("relative", [1e-4, 1e-9])
 def test_an_image_limit_is_decided_on_either_side_of_the_truth(relative):
     """Every sign of κ, targets all round the camera."""

@@ -64,6 +64,7 @@ class Clock:
         return self.now
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["fisheye", "occlusion"])
 def test_every_plan_is_certified_and_takes_less_effort_than_the_one_before(random_problems, kind):
     more_than_one = 0
@@ -110,6 +111,7 @@ def test_a_small_budget_still_makes_one_start(random_problems):
     assert plan.path.degrees == (1, 1)
 
 
+@pytest.mark.slow
 def test_the_best_attempt_start_by_start_is_that_of_all_at_once():
     search = ProblemSearch.of(closed_wall())
     together, tried = first_proven(search, TimeBudget(None))

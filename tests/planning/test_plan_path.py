@@ -27,6 +27,7 @@ def energy(plan: Plan) -> float:
     return total
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "count", "degree", "share"),
     [
@@ -223,6 +224,7 @@ def test_a_point_outside_the_models_domain_is_named():
     assert "outside the model's domain" in plan.reason
 
 
+@pytest.mark.slow
 def test_a_closed_wall_is_not_found_with_the_best_attempt_and_what_stopped_it():
     wall = [
         {"type": "sphere", "center": [0.1, y, z], "radius": 0.1}

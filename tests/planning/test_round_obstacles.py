@@ -85,6 +85,7 @@ def exact_distance(radii, p):
         return mpmath.sqrt(sum((x - r**2 * x / (low + r**2)) ** 2 for r, x in zip(radii, p, strict=True)))
 
 
+@pytest.mark.slow
 def test_the_stated_distance_is_never_less_than_the_exact_one_however_flat_the_ellipsoid():
     """Radii from 1e-9 to 1e6 m, points from 1e-15 of them outside to 1000 km away."""
     random, outside = np.random.default_rng(0), 0

@@ -66,6 +66,7 @@ def test_two_lenses_keep_the_margins_that_their_end_poses_leave(tmp_path):
     )
 
 
+@pytest.mark.slow
 def test_plan_at_risk_pays_in_clearance_for_what_the_plain_plan_risks(tmp_path):
     text = run("plan_at_risk", tmp_path)
     assert "estimate: ok" in text
@@ -75,6 +76,7 @@ def test_plan_at_risk_pays_in_clearance_for_what_the_plain_plan_risks(tmp_path):
     assert numbers("taken as exact: certified, # mm planned\n  violated by #% of samples", text)[1] > 10.0
 
 
+@pytest.mark.slow
 def test_estimate_from_images_finds_the_motion_between_two_files(tmp_path):
     text = run("estimate_from_images", tmp_path)
     agree, matches = numbers("ok : # of # matches agree", text)
@@ -86,6 +88,7 @@ def test_estimate_from_images_finds_the_motion_between_two_files(tmp_path):
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"initial.png", "goal.png"}
 
 
+@pytest.mark.slow
 def test_estimate_from_several_files_finds_every_motion_within_what_it_states(tmp_path):
     text = run("estimate_from_several_files", tmp_path)
     assert "ok, 4 of 4 views" in text
@@ -96,6 +99,7 @@ def test_estimate_from_several_files_finds_every_motion_within_what_it_states(tm
     assert "one more image, at best: FurtherView" in text
 
 
+@pytest.mark.slow
 def test_calibrate_camera_finds_the_lens_that_took_the_pictures(tmp_path):
     text = run("calibrate_camera", tmp_path)
     assert "ok: 8 of 8 images" in text
@@ -107,6 +111,7 @@ def test_calibrate_camera_finds_the_lens_that_took_the_pictures(tmp_path):
     assert (tmp_path / "out" / "camera.yaml").exists()
 
 
+@pytest.mark.slow
 def test_calibrate_hand_eye_finds_the_mount_and_says_which_view_is_none(tmp_path):
     text = run("calibrate_hand_eye", tmp_path)
     assert numbers("ok : # of 10 views used", text)[0] >= 7
@@ -115,6 +120,7 @@ def test_calibrate_hand_eye_finds_the_mount_and_says_which_view_is_none(tmp_path
     assert (tmp_path / "out" / "hand-eye.json").exists()
 
 
+@pytest.mark.slow
 def test_render_scene_sees_more_through_wider_lenses(tmp_path):
     text = run("render_scene", tmp_path)
     angles = [
@@ -163,6 +169,7 @@ def test_replan_takes_other_ways_and_never_comes_nearer_than_asked(tmp_path):
     assert numbers("never nearer to the ball than # mm; 30 mm were asked", text)[0] >= 30.0
 
 
+@pytest.mark.slow
 def test_closed_loop_reaches_the_goal_and_touches_nothing(tmp_path):
     text = run("closed_loop", tmp_path)
     assert "estimate: ok, 9 dots" in text
@@ -185,6 +192,7 @@ def test_own_method_reaches_the_goal_later_than_the_one_that_turns_and_moves_at_
     assert numbers("turn first: # s", first)[0] > numbers("pbvs: # s", at_once)[0] + 2.0
 
 
+@pytest.mark.slow
 def test_a_wrong_depth_reaches_as_many_goals_as_the_true_one_but_later(tmp_path):
     pbvs, wrong = run("wrong_depth", tmp_path).splitlines()
     assert wrong.startswith("wrong_depth.WrongDepth: ")
@@ -194,6 +202,7 @@ def test_a_wrong_depth_reaches_as_many_goals_as_the_true_one_but_later(tmp_path)
     assert numbers("after # s", wrong)[0] > seconds + 0.5
 
 
+@pytest.mark.slow
 def test_own_robot_is_driven_to_the_goal(tmp_path):
     text = run("own_robot", tmp_path)
     assert numbers("servo done, # mm from the goal", text)[0] < 0.3

@@ -67,6 +67,7 @@ def test_a_notebook_is_stored_without_outputs(path):
         assert cell.cell_type == "markdown" or (not cell.outputs and cell.execution_count is None)
 
 
+@pytest.mark.slow
 def test_the_first_plan_is_certified_verified_drawn_and_refused_where_too_much_is_wanted(executed):
     notebook = executed("first_plan")
     html, images = shown(notebook, "text/html"), shown(notebook, "image/png")
@@ -79,6 +80,7 @@ def test_the_first_plan_is_certified_verified_drawn_and_refused_where_too_much_i
     assert warned(notebook) == []
 
 
+@pytest.mark.slow
 def test_my_camera_comes_out_near_the_one_that_took_the_images(executed):
     notebook = executed("my_camera")
     html, images = shown(notebook, "text/html"), shown(notebook, "image/png")

@@ -104,6 +104,7 @@ def test_no_text_of_the_report_uses_a_replaced_word():
     assert [f for path, line, text in texts for f in replaced_words(text, f"{path.name}:{line}")] == []
 
 
+@pytest.mark.slow
 def test_no_docstring_uses_a_replaced_word():
     texts = [(path, *text) for path in SOURCES for text in docstrings_of(path)]
     assert len(texts) > 5000

@@ -134,6 +134,7 @@ def test_the_old_way_itself_is_moved_where_joints_cannot_be_led_onto_one_near_it
     assert verify_plan(rest.plan).status == "certified"
 
 
+@pytest.mark.slow
 def test_joints_go_on_and_the_whole_arm_is_clear_of_where_things_are_now():
     arm, certified, elsewhere = load_arm("rx60"), 0, 0
     for seed in range(12):

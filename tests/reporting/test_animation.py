@@ -51,6 +51,7 @@ def test_the_page_of_the_animation_is_white(run):
         assert film.convert("RGB").getpixel((film.width - 1, film.height - 1)) == (255, 255, 255)
 
 
+@pytest.mark.slow
 def test_noise_of_the_camera_costs_few_bytes(made_up_run, tmp_path):
     """Forty pictures of a noisy camera at rest stay far below the limit of 3 MB."""
     run = made_up_run(steps=40)

@@ -10,6 +10,7 @@ from omniservo.reporting.arm_figure import draw_arm
 from omniservo.robots import load_arm, shipped_arms, suggested_posture
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", shipped_arms())
 def test_an_arm_fills_its_picture_and_none_of_it_is_cut_off(name):
     arm, random = load_arm(name), np.random.default_rng(3)

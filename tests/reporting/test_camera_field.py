@@ -49,6 +49,7 @@ def test_density_is_nothing_where_nothing_is_seen():
     assert np.isfinite(density).mean() > 0.3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CAMERAS)
 def test_field_is_drawn_with_its_limits(name, tmp_path):
     drawings = draw_field(CAMERAS[name], CAMERAS[name])

@@ -39,6 +39,7 @@ def one(draw, run):
         return draw(run)
 
 
+@pytest.mark.slow
 def test_every_figure_is_written_as_png_and_svg(run, tmp_path):
     written = write_figures(run, tmp_path)
     assert {p.stem for p in written if p.suffix == ".png"} == EVERY
@@ -69,6 +70,7 @@ def test_names_in_figures_are_no_formulas_whatever_a_user_has_set_matplotlib_to(
         assert len(image_bytes(Drawing("name", "", "", figure), "svg")) > 1000
 
 
+@pytest.mark.slow
 def test_a_figure_is_drawn_once_for_its_pixels_and_once_for_its_lines(run, monkeypatch):
     drawing, draws = next(drawings(run)), []
     once = type(drawing.figure).draw
@@ -91,6 +93,7 @@ def test_equal_runs_give_equal_files(made_up_run):
     assert once() == once()
 
 
+@pytest.mark.slow
 def test_different_runs_give_different_figures(drawn, made_up_run):
     other = made_up_run("paper-example-2")
     for draw in (path_3d, image_trajectories, clearance):
@@ -106,6 +109,7 @@ def test_every_axis_has_a_unit(drawn):
             assert "[" in axes.get_ylabel(), name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("task", ["paper-example-2", "ur5e-table"])
 def test_no_words_of_a_figure_overlap_or_leave_it(made_up_run, task):
     found = list(drawings(made_up_run(task)))

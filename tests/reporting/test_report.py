@@ -79,6 +79,7 @@ def one_figure(monkeypatch):
     monkeypatch.setitem(drawings.__globals__, "_FIGURES", (clearance,))
 
 
+@pytest.mark.slow
 def test_report_tells_joints_and_time_and_what_other_branches_would_do(report, run):
     structure = report[1]
     said = " ".join(structure.words)

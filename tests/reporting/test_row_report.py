@@ -2,6 +2,7 @@ import json
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from PIL import Image
 from tests.studies.conftest import rows_of, study, undisturbed  # noqa: F401
 
@@ -9,6 +10,7 @@ from omniservo.reporting.row_report import write_row_report
 from omniservo.studies import RowResult, run_row
 
 
+@pytest.mark.slow
 def test_the_last_picture_has_dark_balls_where_the_points_truly_are(study, tmp_path):  # noqa: F811
     number = next(n for n in range(study.rows) if study.place(n)[1:] == ("perspective", "ibvs"))
     result = run_row(study, number)

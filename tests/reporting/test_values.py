@@ -49,6 +49,7 @@ SHOWN = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", SHOWN)
 def test_a_value_shows_a_small_image_and_about_five_numbers(kind):
     html = SHOWN[kind]()._repr_html_()
@@ -111,6 +112,7 @@ def test_figures_are_matplotlibs_own_and_belong_to_no_window(plan):
     assert not any(hasattr(figure, "number") for figure in figures)  # what pyplot gives its own
 
 
+@pytest.mark.slow
 def test_nothing_is_loaded_for_values_that_no_one_looks_at():
     code = (
         "import omniservo, sys\n"

@@ -88,6 +88,7 @@ def test_slabs_are_looked_at_only_where_balls_do_not_leave_enough():
     np.testing.assert_array_equal(found[0.05], np.where(balls >= 0.05, balls, found[every]))
 
 
+@pytest.mark.slow
 def test_bounds_of_a_distance_that_a_search_finds_hold_it_between_them_and_meet():
     """By MuJoCo's distances, beginning from nowhere and from what was found; ends are as far apart."""
     random, arm, apart, touching = np.random.default_rng(4), load_arm("rx60"), 0, 0

@@ -157,6 +157,7 @@ def somewhere(random, kind, name):
     return Solid(name, kind, random.uniform(0.01, 0.12, size), pose)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["rx60", "panda"])
 def test_what_stands_around_hides_what_rays_meet_there(name):
     arm, random = load_arm(name), np.random.default_rng(8)
@@ -418,6 +419,7 @@ def test_what_passes_behind_a_mounted_body_for_a_moment_is_found(arm):
     assert own_sight(arm, path, CAMERA, [point]).status == "free"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_what_is_mounted_hides_what_rays_meet_there(arm, kind):
     random, seen = np.random.default_rng(13), {"free": 0, "hidden": 0}

@@ -23,6 +23,7 @@ def looks(arm):
     return suggested_mount(arm).rotation.apply([0.0, 0.0, 1.0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [*shipped_arms(), "six", "seven"])
 def test_it_is_free_far_from_singular_and_the_hand_looks_down(tmp_path, name):
     path = tmp_path / "arm.urdf"
@@ -51,6 +52,7 @@ def test_it_is_free_far_from_singular_and_the_hand_looks_down(tmp_path, name):
     assert down >= 0.6  # of all these the flange's z axis points away from the arm
 
 
+@pytest.mark.slow
 def test_a_small_arm_stands_high_enough_for_a_target_before_its_camera(tmp_path):
     small = tuple((name, tuple(0.75 * np.array(xyz)), *rest) for name, xyz, *rest in SIX)
     path = tmp_path / "arm.urdf"

@@ -169,6 +169,7 @@ def test_a_truth_value_is_0_or_1():
         decode(type(region), bytes(raw))
 
 
+@pytest.mark.slow
 def test_the_most_points_take_little_memory():
     """24 bytes make a trajectory point of five objects."""
     raw = encode(JointTrajectoryMessage())[:-4] + MOST_ITEMS.to_bytes(4, "little") + bytes(24 * MOST_ITEMS)

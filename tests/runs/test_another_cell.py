@@ -119,6 +119,7 @@ class OwnCell:
         self.camera.close()
 
 
+@pytest.mark.slow
 def test_a_whole_job_is_done_in_any_cell_and_every_cell_is_closed():
     cells = []
 
@@ -141,6 +142,7 @@ def test_a_whole_job_is_done_in_any_cell_and_every_cell_is_closed():
     assert "along a path that is certified" in cells[1].approved[0]
 
 
+@pytest.mark.slow
 def test_its_delay_is_found_no_surer_than_its_stamps_are():
     """By a recording of the whole swing: stamps are 40 ms early."""
     cell = OwnCell(load_task("paper-example-1"), 0)
@@ -174,6 +176,7 @@ def test_a_motion_that_is_not_agreed_to_is_not_begun():
     assert np.array_equal(cells[1].driver.joints, cells[1].scene.start_joints)
 
 
+@pytest.mark.slow
 def test_a_robot_that_is_lost_in_motion_leaves_a_report_that_says_why(tmp_path):
     cells = []
 
@@ -215,6 +218,7 @@ def test_an_arm_that_was_moved_while_the_plan_was_approved_is_not_commanded():
     assert not cells[1].driver.wanted.any()
 
 
+@pytest.mark.slow
 def test_without_truth_what_was_executed_is_what_joints_and_images_say(tmp_path):
     cells = []
 

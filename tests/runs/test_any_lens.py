@@ -1,6 +1,7 @@
 """Whole runs with real lenses whose model is not the unified one, seen through that very model."""
 
 import numpy as np
+import pytest
 from benchmarks.lens_conversions import PUBLISHED
 from tests.runs.changed_task import DrawnCell, PlainCell, shipped, written
 from tests.runs.test_looks import BOX
@@ -37,11 +38,13 @@ def keeps_its_promises(result, lens):
     assert verify_plan(result.plan).status == "certified"
 
 
+@pytest.mark.slow
 def test_a_run_with_a_published_lens_is_certified_and_converges():
     lens = PUBLISHED["RealSense, colour"]
     keeps_its_promises(run_shortly(load_task(WALL, camera=lens)), lens)
 
 
+@pytest.mark.slow
 def test_a_run_with_a_file_of_ocamcalib_is_certified_and_converges(shared_data):
     path = shared_data / "calibrations/ocamcalib/premnirmal_Homing-in-Scale-Space__calib_results.txt"
     result = run_shortly(load_task(PAPER, camera=path), DrawnCell)
@@ -49,6 +52,7 @@ def test_a_run_with_a_file_of_ocamcalib_is_certified_and_converges(shared_data):
     keeps_its_promises(result, result.task.camera)
 
 
+@pytest.mark.slow
 def test_a_run_that_looks_again_does_so_with_the_camera_s_own_model(tmp_path):
     """As `test_looks` has it: at a risk of 1% there is no plan before the look.
 

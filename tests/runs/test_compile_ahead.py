@@ -18,6 +18,7 @@ def empty_cache(tmp_path, monkeypatch):
     return user_folder()
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(usable_cores() < 2, reason="needs two cores")
 def test_the_other_process_keeps_kernels_where_this_one_looks_and_ends_with_it(empty_cache):
     with compiling_ahead() as child:

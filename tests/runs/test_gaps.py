@@ -10,6 +10,8 @@ from omniservo.runs import replay_run, run_task
 from omniservo.runs.safety_of_task import safety_of_task
 from omniservo.tasks import load_task
 
+pytestmark = pytest.mark.slow  # each needs a whole run
+
 
 class SilentCamera:
     """A camera that gives nothing new in a span of time [s]."""

@@ -91,6 +91,7 @@ def test_dots_keep_their_numbers_where_another_image_lacks_one(tmp_path, images)
         estimate_many_images(CAMERA, files, features="natural", scale=ImageScale(length=(0, 1, metres)))
 
 
+@pytest.mark.slow
 def test_a_copy_of_an_image_makes_the_estimate_no_surer(tmp_path, images):
     """Every image twice: σ was two thirds of what it is."""
     files = [tmp_path / f"{k}.png" for k in range(6)]

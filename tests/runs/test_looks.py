@@ -30,6 +30,7 @@ def task_with(folder, **planning):
     return load_task(written(folder, document))
 
 
+@pytest.mark.slow
 def test_a_task_without_a_plan_at_its_risk_has_one_after_a_look(tmp_path):
     with pytest.raises(NoSolutionError, match="no path") as refused:
         run_task(task_with(tmp_path, looks=0), DrawnCell, filmed=False)
@@ -96,6 +97,7 @@ class CoveredCell(DrawnCell):
         self.lens.start = joints
 
 
+@pytest.mark.slow
 def test_a_look_whose_image_shows_nothing_is_gone_back_from_and_another_one_taken(tmp_path):
     result = run_task(task_with(tmp_path), CoveredCell, filmed=False)
     metrics = result.metrics
@@ -116,6 +118,7 @@ def test_a_look_whose_image_shows_nothing_is_gone_back_from_and_another_one_take
     assert any("1 × for nothing" in line for line in run_summary(metrics))
 
 
+@pytest.mark.slow
 def test_where_every_look_shows_nothing_the_arm_stands_where_it_stood_and_that_is_said(tmp_path):
     CoveredCell.opened = ()
     with pytest.raises(NoSolutionError, match=r"no path.*look 1: .*dots.*after 1 more image"):
@@ -125,6 +128,7 @@ def test_where_every_look_shows_nothing_the_arm_stands_where_it_stood_and_that_i
     assert cell.robot.read().joint_positions == pytest.approx(cell.scene.start_joints, abs=3e-4)
 
 
+@pytest.mark.slow
 def test_a_start_near_a_singularity_is_left_instead_of_being_refused(tmp_path):
     document = shipped("whole-arm-1")
     document["sensor"]["rate"], document["servo"]["duration"] = 8, 2.5
@@ -144,6 +148,7 @@ def test_a_start_near_a_singularity_is_left_instead_of_being_refused(tmp_path):
     assert result.log.column("joints")[0] == pytest.approx(result.motion.joints.positions[0], abs=1e-3)
 
 
+@pytest.mark.slow
 def test_natural_features_are_joined_over_a_look_s_images_and_the_run_ends_at_its_goal(tmp_path):
     document = shipped("textured-object")
     document["sensor"]["rate"], document["servo"]["duration"] = 3, 2.5  # pictures take most of the time
@@ -164,6 +169,7 @@ def test_natural_features_are_joined_over_a_look_s_images_and_the_run_ends_at_it
     assert off @ np.linalg.solve(result.estimate.covariance[:3, :3], off) < 25.0
 
 
+@pytest.mark.slow
 def test_where_no_look_helps_it_says_what_would_have_to_be_better(tmp_path):
     task = task_with(tmp_path, clearance=20, risk=0.01, looks=1, visibility_margin=150)
     with pytest.raises(NoSolutionError, match=r"(better|exactly)"):

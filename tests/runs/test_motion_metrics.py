@@ -9,6 +9,8 @@ from omniservo.runs import run_task
 from omniservo.tasks import load_task
 from omniservo.tasks.sensor import SensorSection
 
+pytestmark = pytest.mark.slow  # each needs a whole run
+
 
 @pytest.fixture(scope="module")
 def hurried():

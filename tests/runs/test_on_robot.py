@@ -320,6 +320,7 @@ def filmed(tmp_path):
         write_png(picture, tmp_path / "images" / f"{number}.png")
 
 
+@pytest.mark.slow
 def test_a_check_says_what_the_driver_notices(robot_file, filmed, capsys):
     with serving() as server:
         server.speed_fraction = 0.5
@@ -329,6 +330,7 @@ def test_a_check_says_what_the_driver_notices(robot_file, filmed, capsys):
     assert "notice           the pendant's speed slider stands at 50%" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_without_a_task_the_files_workspace_counts_too(robot_file, filmed):
     with serving() as server:
         path = robot_file(address=server.address, options=_ports(server), workspace=BOX)
@@ -339,6 +341,7 @@ def test_without_a_task_the_files_workspace_counts_too(robot_file, filmed):
             assert heights(cell._client.options, found) == pytest.approx((0.1, 1.2))
 
 
+@pytest.mark.slow
 def test_an_arm_that_is_moved_while_it_is_connected_to_is_refused(robot_file, filmed, monkeypatch):
     arm = StandingArm(scene_of_task(TASK).start_joints)
     open_camera = open_hardware_module.open_robot_camera
@@ -354,6 +357,7 @@ def test_an_arm_that_is_moved_while_it_is_connected_to_is_refused(robot_file, fi
             open_bare(load_robot(path), lambda motion: pytest.fail(motion), SafetyOptions()).close()
 
 
+@pytest.mark.slow
 def test_a_run_uses_what_was_measured(robot_file, filmed):
     with serving() as server:
         path = robot_file(address=server.address, options=_ports(server))

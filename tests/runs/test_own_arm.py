@@ -80,6 +80,7 @@ def test_what_the_documentation_puts_beside_the_way_is_kept_from(file, nearer, s
     assert plan_with_arm(problem, arm_setting_of(task, scene_of_task(task))).plan.status == status
 
 
+@pytest.mark.slow
 def test_the_first_task_of_the_documentation_is_run_to_the_end(task):
     sensor = task.sensor.model_copy(update={"rate": 5.0})  # pictures take most of the time
     result = run_task(task.model_copy(update={"sensor": sensor}), PlainCell, filmed=False)
@@ -119,6 +120,7 @@ BAD = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fault", BAD)
 def test_what_is_wrong_with_an_own_arm_is_one_message(capsys, file, fault):
     (name, given, instead), (wanted, message) = BAD[fault]

@@ -73,6 +73,7 @@ def roomless(monkeypatch):
         )
 
 
+@pytest.mark.slow
 def test_without_the_room_the_gaps_of_all_bodies_stop_the_same_run_before_anything_is_touched(
     roomless, tmp_path, monkeypatch
 ):
@@ -89,6 +90,7 @@ def test_without_the_room_the_gaps_of_all_bodies_stop_the_same_run_before_anythi
     assert replay.differences == ("end: too_near recorded; replayed: nothing stops it",)
 
 
+@pytest.mark.slow
 def test_without_room_and_gaps_the_same_push_ends_in_a_contact(roomless, monkeypatch):
     monkeypatch.setattr(TaskGaps, "check", lambda *_: None)
     assert pushed().metrics["contacts"]

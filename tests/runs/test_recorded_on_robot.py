@@ -22,6 +22,8 @@ from omniservo.runs.robot_records import save_check
 from omniservo.runs.safety_of_task import safety_of_task
 from omniservo.tasks import load_robot, load_task
 
+pytestmark = pytest.mark.slow  # each needs a whole run
+
 
 def patient(task):
     """For machines that do much besides; that the limits hold is shown in simulated time."""

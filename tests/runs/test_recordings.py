@@ -25,6 +25,8 @@ from omniservo.runs.comparison import Comparison
 from omniservo.schemas import json_schema
 from omniservo.tasks import load_task
 
+pytestmark = pytest.mark.slow  # each needs a whole run
+
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):

@@ -87,6 +87,7 @@ def test_a_dot_cut_by_the_border_is_not_in_view(document, tmp_path):
         run_task(load_task(written(tmp_path, document)), SimulatedCell)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("place", "pose"), [([0, 0, 0], "start"), ([0.0497, -99.9782, 199.9552], "goal")], ids=["start", "goal"]
 )

@@ -44,6 +44,7 @@ def true_gaps(result):
     ), np.array(moved)
 
 
+@pytest.mark.slow
 def test_it_goes_round_without_stopping_and_converges(gone_round):
     metrics, task = gone_round.metrics, gone_round.task
     assert (metrics["status"], metrics["contacts"]) == ("converged", [])

@@ -112,6 +112,7 @@ def test_the_stand_in_of_universal_robots_stops_when_commands_cease():
     assert stood < robot_check.PATIENCE
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arm", "frames", "finding"),
     [
@@ -142,6 +143,7 @@ def test_what_is_wrong_is_found_and_nothing_moves(monkeypatch, arm, frames, find
     assert arm.commands == 0
 
 
+@pytest.mark.slow
 def test_rates_and_ages_are_those_of_the_streams(monkeypatch):
     monkeypatch.setattr(robot_check, "SECONDS", 1.5)
     found = check_robot(ROBOT, ARM, in_protective_stop(), Frames(age=0.3), refused)
@@ -307,6 +309,7 @@ def test_a_workspace_with_room_is_none_to_stay_for():
     assert (len(answers), findings) == (6, [])
 
 
+@pytest.mark.slow
 def test_a_joint_that_answers_wrongly_makes_the_robot_unfit_and_no_silence_is_tried(monkeypatch):
     monkeypatch.setattr(robot_check, "SECONDS", 1.2)
     asked, arm = [], WiredOnTheWall(wired(r0=unit(0, -1.0)))
@@ -317,6 +320,7 @@ def test_a_joint_that_answers_wrongly_makes_the_robot_unfit_and_no_silence_is_tr
     assert len(asked) == 1
 
 
+@pytest.mark.slow
 def test_the_workspace_of_the_robot_file_is_kept(monkeypatch):
     monkeypatch.setattr(robot_check, "SECONDS", 1.2)
     robot = ROBOT.model_copy(update={"workspace": box_round(START, 0.004)})
@@ -324,6 +328,7 @@ def test_the_workspace_of_the_robot_file_is_kept(monkeypatch):
     assert "the camera's centre would leave the workspace" in found.findings[0]
 
 
+@pytest.mark.slow
 def test_clocks_of_both_lines_are_told(monkeypatch):
     monkeypatch.setattr(robot_check, "SECONDS", 1.2)
     arm, frames = in_protective_stop(), Frames()

@@ -67,6 +67,7 @@ def own(tmp_path):
     return file
 
 
+@pytest.mark.slow
 def test_one_that_is_refused_stands_beside_one_that_ran(task, own, tmp_path):
     folder = tmp_path / "out"
     folder.mkdir()
@@ -119,6 +120,7 @@ def test_a_method_that_would_end_the_process_is_a_named_stop(own):
         OwnMethod(f"{own}:Leaving", 1.0).step(None)
 
 
+@pytest.mark.slow
 def test_only_a_method_that_replans_is_led_round_a_panel_that_was_moved():
     moving = load_task("moving-panel")
     moving = moving.model_copy(

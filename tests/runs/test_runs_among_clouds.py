@@ -40,6 +40,7 @@ def run(tmp_path_factory):
     )
 
 
+@pytest.mark.slow
 def test_a_run_among_a_cloud_keeps_every_link_off_what_the_cloud_was_seen_of(run):
     metrics = run.metrics
     assert (metrics["status"], metrics["contacts"]) == ("converged", [])

@@ -40,6 +40,7 @@ def prepared(request):
     )
 
 
+@pytest.mark.slow
 def test_the_two_pictures_give_the_taught_motion(prepared):
     task, estimate, *_ = prepared
     true = task.teach.initial_T_goal.transform

@@ -23,6 +23,7 @@ def slower(name, rate):
     return task.model_copy(update={"sensor": sensor})
 
 
+@pytest.mark.slow
 def test_the_certified_run_reaches_the_goal_without_touching_anything(certified):
     metrics = certified.metrics
     assert (metrics["status"], metrics["contacts"]) == ("converged", [])
@@ -65,6 +66,7 @@ def test_classical_servoing_touches_the_box():
     assert metrics["planning_seconds"] is None
 
 
+@pytest.mark.slow
 def test_a_distorted_calibration_of_a_real_lens_estimates_the_same_motion(shared_data):
     camera = shared_data / "calibrations" / "mei_yaml" / "KITTI-360__image_02.yaml"
     estimate = estimate_in_cell("paper-example-1", SimulatedCell, camera=str(camera)).estimate

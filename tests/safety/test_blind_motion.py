@@ -183,6 +183,7 @@ def test_an_arm_stands_whatever_is_raised_by_who_is_told_that_it_waits(drive, wr
     assert np.abs(written.robot.read().joint_velocities).max() < 1e-2
 
 
+@pytest.mark.slow
 def test_it_takes_as_much_longer_as_it_was_silent_and_slowed(drive, silent):
     whole = drive()
     assert (whole.stop, whole.waits) == (None, [])
@@ -222,6 +223,7 @@ def test_while_it_slows_down_and_rises_again_the_joints_keep_their_accelerations
     assert (np.abs(np.diff(speeds[slowing], axis=0)).max(axis=0) / 1e-3 < arm.joint_acceleration).all()
 
 
+@pytest.mark.slow
 def test_what_moves_fast_takes_longer_to_slow_down(drive, arm):
     run = drive((0.7, 1.7), seconds=1.4, blind_room=0.0)
     assert run.stop is None
@@ -246,6 +248,7 @@ def moved_blind(run, scene):
     return float(np.linalg.norm(scene.world_T_camera(joints).translation - seen))
 
 
+@pytest.mark.slow
 def test_it_stands_within_the_room_that_it_has(drive, silent, scene):
     at_once = moved_blind(drive(SILENT, blind_room=0.0, until=2.7), scene)
     smaller = drive(SILENT, blind_room=0.006, until=2.7)
@@ -255,6 +258,7 @@ def test_it_stands_within_the_room_that_it_has(drive, silent, scene):
     assert 0.006 < at_once < 0.01  # the smaller room made it slow down earlier, the larger one more gently
 
 
+@pytest.mark.slow
 def test_where_room_is_too_small_it_still_moves_on_until_an_image_is_missing(drive, scene):
     run = drive(SILENT, blind_room=0.001, until=2.7)
     assert run.goes_on
@@ -262,6 +266,7 @@ def test_where_room_is_too_small_it_still_moves_on_until_an_image_is_missing(dri
     assert run.waits[0].since > SILENT[0] + 1.4 * PERIOD - PERIOD
 
 
+@pytest.mark.slow
 def test_longer_than_the_patience_is_a_stop_by_the_name_of_stale_images(drive):
     run = drive((1.5, 9.0), patience=1.0)
     assert run.stop.reason == "stale_image"
@@ -273,6 +278,7 @@ def test_longer_than_the_patience_is_a_stop_by_the_name_of_stale_images(drive):
     assert run.supervisor.stopped is run.stop
 
 
+@pytest.mark.slow
 def test_an_image_of_another_place_ends_the_run_by_name_before_it_moves(drive):
     def prepare(run):
         def shift(time):
@@ -322,6 +328,7 @@ def test_points_that_are_lost_for_a_moment_are_waited_for_too(drive):
     assert not any(SILENT[0] < step.time < SILENT[1] - 0.02 for step in run.steps)
 
 
+@pytest.mark.slow
 def test_points_that_stay_lost_are_a_stop_by_their_own_name(drive):
     def prepare(run):
         run.features.lost = ((1.5, 99.0),)
@@ -331,12 +338,14 @@ def test_points_that_stay_lost_are_a_stop_by_their_own_name(drive):
     assert 2.4 < run.waits[-1].until < 2.7
 
 
+@pytest.mark.slow
 def test_a_frame_lost_and_a_late_one_do_not_slow_it_down(drive):
     """Nor do they with a patience shorter than the age allowed, which counts as that."""
     run = drive((1.5, 1.5 + 1.9 * PERIOD), patience=0.04)
     assert (run.stop, run.waits) == (None, [])
 
 
+@pytest.mark.slow
 def test_a_slow_camera_is_no_gap(scene):
     slow = replace(scene, sensor=Sensor(rate=6.0, latency=0.02))
     run = Drive(WrittenDown(SimulatedRobot(slow, rendered=False)), slow)
@@ -344,6 +353,7 @@ def test_a_slow_camera_is_no_gap(scene):
     assert run.waits == []
 
 
+@pytest.mark.slow
 def test_old_images_are_not_acted_on_and_fresh_ones_after_them_are(drive):
     def prepare(run):
         plain = run.line.image
@@ -363,6 +373,7 @@ def test_old_images_are_not_acted_on_and_fresh_ones_after_them_are(drive):
     assert not any(SILENT[0] + 0.02 < step.image.time < SILENT[1] - 0.05 for step in run.steps)
 
 
+@pytest.mark.slow
 def test_without_a_path_it_is_braked_at_once_and_goes_on_all_the_same(drive, scene):
     run = drive((0.5, 1.5), servoed="goal")
     assert run.stop is None
@@ -380,6 +391,7 @@ def test_points_are_looked_for_after_the_gap_where_the_joints_have_the_camera(si
     assert first < 0.01
 
 
+@pytest.mark.slow
 def test_several_gaps_are_several_waits(drive):
     run = drive((0.8, 1.2), (1.35, 1.8), (3.0, 4.5))
     assert run.stop is None
@@ -387,6 +399,7 @@ def test_several_gaps_are_several_waits(drive):
     assert run.off_path() < 2e-3
 
 
+@pytest.mark.slow
 def test_a_gap_at_the_goal_is_waited_for(drive):
     run = drive((4.0, 5.0))
     assert run.stop is None
@@ -431,6 +444,7 @@ def nearest(robot, time):
     return sorted(t for t in robot._exposed if t >= time)[:2]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("age", [0.13, 0.085])  # of the younger it has to brake at once
 def test_where_images_may_hardly_grow_old_it_slows_down_earlier(drive, age):
     run = drive(SILENT, image_age=age, until=2.7)
@@ -478,6 +492,7 @@ def test_the_tracker_is_given_how_uncertain_a_stamp_is(drive, monkeypatch):
     assert sigmas == {0.002}
 
 
+@pytest.mark.slow
 def test_a_gap_is_no_period_of_the_camera(drive, monkeypatch):
     delays = []
     plain = PathTracker.step

@@ -84,6 +84,7 @@ def test_a_twist_that_no_joints_follow_for_want_of_image_points_is_not_sent(run)
     assert (stop.reason, len(steps)) == ("feature_loss", 0)
 
 
+@pytest.mark.slow
 def test_points_lost_while_they_move_far_in_an_exposure_stop_by_the_name_of_motion_blur(run):
     def lose(flow):
         def prepare(controller, features):
@@ -149,6 +150,7 @@ def test_a_command_that_would_lose_the_points_is_followed_only_as_far_as_they_st
         assert scene.camera.in_image(step.pixels).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("off", "sigma", "reason"),
     [(0.05, 1e-3, "clock_fault"), (0.05, None, "time_limit"), (0.0, 1e-3, "time_limit")],

@@ -78,6 +78,7 @@ def test_what_was_measured_wrong_is_noticed_on_the_way_with_the_offset_that_woul
     assert "omniservo robot delay" in str(fault[1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("noise", "drift", "off_by", "seconds", "most"),
     [(0.1, 0.0, 1.0, 0.6, 0.01), (0.1, 0.0, 1.0, 1.5, 0.002), (0.1, 5.0, 0.0, 0.6, 0.06)],
@@ -100,6 +101,7 @@ def test_estimates_differ_by_the_deviation_that_is_stated(arm, scene, noise, dri
     assert np.median(sigmas) < most
 
 
+@pytest.mark.slow
 def test_an_offset_within_what_was_stated_of_it_is_none_to_stop_for(arm, scene):
     assert looked(arm, scene, 0.03, offset_sigma=0.02)[1] is None
     assert looked(arm, scene, 0.01)[1] is None

@@ -576,6 +576,7 @@ ROUND = np.array([0.09, 0.0, 0.0, 0.0, -0.12, 0.0])
 """a twist round the dots: they hardly move in the image"""
 
 
+@pytest.mark.slow
 def test_points_that_stand_still_are_told_from_a_motion_that_keeps_them_nearly_in_place(run):  # noqa: F811
     stop, steps = run(lambda k: ROUND, prepare=pictured(frozen_under_noise), time_limit=2.0)
     assert stop.reason == "inconsistent_image"
@@ -584,6 +585,7 @@ def test_points_that_stand_still_are_told_from_a_motion_that_keeps_them_nearly_i
     assert stop.reason == "time_limit"
 
 
+@pytest.mark.slow
 def test_points_that_stand_still_are_compared_with_the_oldest_image_that_shows_them_so(run):  # noqa: F811
     """Every fifth image is 2 px beside the first, not beside those after it: these still count."""
     seen = []
@@ -597,6 +599,7 @@ def test_points_that_stand_still_are_compared_with_the_oldest_image_that_shows_t
     assert len(steps) < 15 + 30
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "broken",
     [
@@ -612,6 +615,7 @@ def test_sound_pictures_and_a_few_wrong_matches_are_none(run, broken):  # noqa: 
     assert stop.reason == "time_limit"
 
 
+@pytest.mark.slow
 def test_points_nearer_than_they_were_taken_for_move_farther_but_not_aside(run):  # noqa: F811
     aside = np.array([[0.9, -0.45], [0.45, 0.9]])
     for change, reason in ((1.3 * np.eye(2), "time_limit"), (aside, "inconsistent_image")):

@@ -107,6 +107,7 @@ def test_a_slow_command_arrives_as_it_is(guard, written):
     np.testing.assert_array_equal(passed.target, SLOW)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2])
 def test_whatever_is_commanded_what_leaves_is_legal_and_no_joint_leaves_its_range(guard, written, arm, seed):
     rng, causes, supervisor = np.random.default_rng(seed), set(), guard()

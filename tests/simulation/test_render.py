@@ -98,6 +98,7 @@ def shown_by_mujoco(folder, program):
     return np.load(folder / "own.npy").astype(int)
 
 
+@pytest.mark.slow
 def test_a_perspective_image_is_that_of_mujocos_own_renderer(tmp_path):
     """Shadows' borders and acne aside; the headlight off, which shines from the centre here."""
     xml = SCENE.read_text().replace("<headlight", '<headlight active="0"')
@@ -157,6 +158,7 @@ np.save(sys.argv[2], images)
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["2d", "cube"])
 @pytest.mark.parametrize("uniform", ["false", "true"])
 def test_textures_lie_on_every_shape_as_mujocos_own_renderer_lays_them(kind, uniform, tmp_path):

@@ -85,6 +85,7 @@ def test_the_cameras_true_pose_is_that_of_the_exposure(cell):
     assert np.linalg.norm(exposed.translation - now.translation) > 1e-3
 
 
+@pytest.mark.slow
 def test_a_picture_from_outside_shows_obstacles_where_they_were_then_or_are_now(cell):
     joints = cell.scene.start_joints
     before = next_image(cell.camera, cell.wait)

@@ -146,6 +146,7 @@ def planted():
     )
 
 
+@pytest.mark.slow
 def test_a_cell_tells_the_camera_and_takes_pictures_with_the_true_one(planted):
     cell, plain = (
         SimulatedCell(planted),
@@ -184,6 +185,7 @@ def test_only_the_simulator_and_who_reads_tasks_know_of_what_is_true():
     assert found <= knowing
 
 
+@pytest.mark.slow
 def test_the_goal_is_taught_in_its_own_light(planted):
     cell = SimulatedCell(planted)
     start = take_picture(cell.robot).pixels.mean()

@@ -66,6 +66,7 @@ def test_the_rest_of_a_scene_is_that_of_a_study_in_which_nothing_moves(study, sc
     assert np.array_equal(same.obstacles[0].center, scenes[0].obstacles[0].center)
 
 
+@pytest.mark.slow
 def test_a_plan_made_again_collides_nowhere_and_the_first_one_does(study, scenes):
     numbers = {scene.number for scene in scenes}
     rows = [run_row(study, k).row for k in range(study.rows) if k // 2 in numbers]

@@ -23,6 +23,7 @@ def cluster():
         yield cluster
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_an_interrupted_run_on_a_cluster_is_gone_on_with_here(study, undisturbed, cluster, tmp_path):
     def interrupt(stage, share):
@@ -37,6 +38,7 @@ def test_an_interrupted_run_on_a_cluster_is_gone_on_with_here(study, undisturbed
     assert rows_of(folder) == rows_of(undisturbed)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_parts_of_workers_with_another_version_are_not_written(study, cluster, tmp_path, monkeypatch):
     """The workers find the version of their own package, whatever the one who asks has."""
@@ -63,12 +65,14 @@ def test_a_scheduler_that_does_not_answer_is_named(study, tmp_path, monkeypatch)
         run_study(study, tmp_path / "rows", scheduler="gopher:///1")
 
 
+@pytest.mark.slow
 def test_without_dask_a_message_names_what_is_to_be_installed(study, tmp_path, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "distributed", None)
     with pytest.raises(InputError, match=r"pip install omniservo\[cluster\]"):
         run_study(study, tmp_path / "rows", scheduler="tcp://127.0.0.1:9")
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")  # of what the killed worker leaves
 def test_rows_of_a_cluster_whose_worker_is_killed_are_those_of_one_process(
     study, undisturbed, cluster, tmp_path

@@ -62,6 +62,7 @@ def test_a_row_is_the_same_alone_and_in_another_order(study, undisturbed):
         assert run_row(study, number).row == rows[number]
 
 
+@pytest.mark.slow
 def test_rows_of_two_workers_that_are_killed_and_resumed_are_those_of_one_process(
     study, undisturbed, tmp_path
 ):
@@ -98,6 +99,7 @@ def test_parts_that_are_there_are_not_run_again_and_half_written_ones_are(study,
     assert rows_of(folder) == rows_of(undisturbed)
 
 
+@pytest.mark.slow
 def test_merged_shards_are_the_undisturbed_study_to_the_byte_of_its_table(study, undisturbed, tmp_path):
     folders = [tmp_path / f"shard-{k}" for k in (1, 2, 3)]
     for k, folder in enumerate(folders, 1):

@@ -90,6 +90,7 @@ def test_each_scene_has_one_of_the_arms_and_all_methods_the_same(study, rows):
     assert "timed_out" in {row.status for row in rows if row.arm == "ur5e"}
 
 
+@pytest.mark.slow
 def test_an_arm_stands_at_start_and_goal_and_touches_nothing_there(tmp_path):
     crowded = {"arms": "ur5e", "obstacles": "{count: 5, radius: 0.06, aside: 0.3}", "scenes": 9}
     study = load_study(written(tmp_path, **NEAR | crowded, methods="[pbvs]"))
@@ -115,6 +116,7 @@ def test_scenes_without_an_arm_are_those_of_a_study_without_arms(study, tmp_path
         assert np.array_equal(scene.initial_T_goal.as_matrix(), same.initial_T_goal.as_matrix())
 
 
+@pytest.mark.slow
 def test_rows_with_arms_are_the_same_in_any_order_shards_and_process(study, rows, tmp_path):
     assert [run_row(study, n).row for n in (3, 0, 2, 1)] == [rows[n] for n in (3, 0, 2, 1)]
     for number in (1, 2):
@@ -362,6 +364,7 @@ def test_a_wrong_arm_is_named_and_no_file_elsewhere_is_read(tmp_path, mount, mes
         load_study(written(tmp_path, arms=f"{{choice: [mine], mounts: {{mine: {{{mount}}}}}}}"))
 
 
+@pytest.mark.slow
 def test_an_arm_goes_on_where_the_refined_goal_leaves_its_links_less_than_planned(monkeypatch):
     """By the refined estimate a wrist ends 4.9 mm from a ball; the first plan keeps 5."""
     study = load_study("paper-benchmark")

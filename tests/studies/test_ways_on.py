@@ -5,6 +5,7 @@ import pytest
 from omniservo.studies import load_study, run_row
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("study", "row", "what"),
     [
@@ -20,6 +21,7 @@ def test_what_a_plan_keeps_besides_stops_no_camera_on_its_way(study, row, what):
     assert not found.collision
 
 
+@pytest.mark.slow
 def test_a_scene_s_methods_follow_each_a_plan_of_its_own_planner():
     study = load_study("quick")
     certified, paper = (run_row(study, number).row for number in (160, 161))

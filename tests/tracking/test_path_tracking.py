@@ -133,6 +133,7 @@ def test_a_wrong_scale_costs_millimetres_on_the_way_and_nothing_at_the_end(scale
     assert loop.deviations[-1] < 1e-7
 
 
+@pytest.mark.slow
 def test_a_badly_wrong_structure_still_ends_on_the_goal_image():
     """Every other point 10% too far, the rest 20% too near: 13 px that no pose explains."""
     path = bent_path()
@@ -159,6 +160,7 @@ def test_a_slightly_wrong_estimate_tracks_closely_and_ends_exactly():
     assert np.linalg.norm(loop.pose.translation - path(1.0).translation) < 1e-4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("feature", ["bearing", "virtual-plane"])
 def test_the_twist_has_no_jump_where_the_goal_image_takes_over(feature):
     path = bent_path()

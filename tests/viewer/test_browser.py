@@ -25,6 +25,7 @@ def becomes(window, holds):
     return False
 
 
+@pytest.mark.slow
 def test_keys_go_along_the_path_play_it_and_move_the_goal(page, opened):
     mouse = PageMouse(opened, page, (760, 430), PATIENCE)
     playback, press = page.playback, mouse.window.keyboard.press
@@ -58,6 +59,7 @@ def test_keys_go_along_the_path_play_it_and_move_the_goal(page, opened):
     mouse.window.close()
 
 
+@pytest.mark.slow
 def test_while_one_handle_is_dragged_the_others_show_no_arrows(page, opened):
     mouse, nodes, blank = PageMouse(opened, page, (760, 430), PATIENCE), page.nodes, opened.new_page()
     others = (nodes._start, nodes._goal)
@@ -70,6 +72,7 @@ def test_while_one_handle_is_dragged_the_others_show_no_arrows(page, opened):
     blank.close()
 
 
+@pytest.mark.slow
 def test_a_mouse_drag_moves_an_obstacle_and_the_path_follows_in_two_windows_whatever_happens(page, opened):
     small = (760, 430)
     first = PageMouse(opened, page, small, PATIENCE)
@@ -99,6 +102,7 @@ def test_a_mouse_drag_moves_an_obstacle_and_the_path_follows_in_two_windows_what
     first.window.close()
 
 
+@pytest.mark.slow
 def test_another_plan_is_in_sight_when_it_is_opened_and_its_start_is_where_it_is_dragged(
     page, opened, tmp_path
 ):

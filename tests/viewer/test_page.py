@@ -52,6 +52,7 @@ def test_a_plan_that_is_said_just_as_waiting_for_it_ends_is_not_called_searched_
     page.replan()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_an_obstacle_of_every_kind_can_be_added_and_deleted(page, kind):
     number = page.answer.number
@@ -216,6 +217,7 @@ def test_one_servo_goes_on_at_a_time(page):
             page.servo()
 
 
+@pytest.mark.slow
 def test_a_servo_of_what_was_shown_before_is_not_shown_in_what_was_opened_since(page, tmp_path):
     """A slow camera: images take most of the time."""
     never, number, document = threading.Event(), page.answer.number, shipped("whole-arm-1")
@@ -377,6 +379,7 @@ def plans_at_a_risk(page):
     assert answer.situation.with_problem(clearance=0.001).risk == 0.1
 
 
+@pytest.mark.slow
 def test_two_images_become_the_goal_and_the_points(page):
     answer = settled(page)
     start, goal = image_of(page, 0.0), image_of(page, 1.0)

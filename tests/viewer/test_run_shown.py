@@ -35,6 +35,7 @@ def run(tmp_path_factory):
     return folder, moments
 
 
+@pytest.mark.slow
 def test_a_watched_servo_reports_arm_and_supervisor_as_time_passes(run):
     _, moments = run
     assert moments[len(moments) // 2].words == "supervisor: moving"
@@ -56,6 +57,7 @@ def test_a_run_s_folder_is_opened_with_its_plan_and_what_was_executed(run):
     assert viewed.run.step_at(1e9) == len(viewed.run.times) - 1
 
 
+@pytest.mark.slow
 def test_a_run_is_played_beside_its_plan(run, page):
     number = page.answer.number
     page.open(open_viewed(run[0]))

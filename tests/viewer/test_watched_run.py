@@ -48,6 +48,7 @@ def arm_is_followed(page):
         never.wait(0.02)
 
 
+@pytest.mark.slow
 def test_a_recording_that_grows_is_shown_as_it_does(recording, page, tmp_path):
     whole = recording.read_bytes()
     growing = tmp_path / "result.unfinished.mcap"
@@ -92,6 +93,7 @@ def test_the_camera_s_own_image_is_shown_where_the_plan_is_of_that_camera(page):
     playback.follow(None)
 
 
+@pytest.mark.slow
 def test_a_run_that_is_watched_ends_with_what_is_opened_in_its_place(recording, page, tmp_path):
     whole = recording.read_bytes()
     (tmp_path / "result.unfinished.mcap").write_bytes(whole[: len(whole) // 2])

@@ -155,6 +155,7 @@ def true_gap(setting, problem, found, count=40):
     return min(gaps, default=np.inf)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["rx60", "panda"])
 def test_what_is_proven_among_a_cloud_is_kept_from_every_ball_of_it(name):
     arm, kept, tight = load_arm(name), 0, np.inf
@@ -193,6 +194,7 @@ def test_a_path_is_refused_where_the_arm_would_meet_a_single_ball_of_a_cloud():
     assert "obstacle 1 overlap by" in judged.reason
 
 
+@pytest.mark.slow
 def test_a_plan_on_the_way_keeps_clear_of_a_cloud_that_has_come_up():
     problem, setting = random_task(load_arm("rx60"), np.random.default_rng([2026, 3]), obstacles=(0, 1))
     old = plan_with_arm(problem, setting)

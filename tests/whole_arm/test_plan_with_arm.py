@@ -118,6 +118,7 @@ def _link_place(setting, link, q):
     return bodies._data.body(link).xpos.copy()
 
 
+@pytest.mark.slow
 def test_joints_keep_a_reserve_that_the_first_path_does_not():
     """Half a degree more than the path leaves on its way, where both ends leave more: it is moved."""
     arm, moved, asked = load_arm("rx60"), 0, 0
@@ -149,6 +150,7 @@ def _rooms(setting, branch):
     return np.minimum(q - low, high - q).min(axis=1)
 
 
+@pytest.mark.slow
 def test_slopes_of_the_arms_demands_are_finite_differences_of_the_camera_pose():
     """∂g/∂ξ for each group alone: the row that a target just above its g makes active."""
     arm = load_arm("rx60")
