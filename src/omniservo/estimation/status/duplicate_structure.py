@@ -42,6 +42,8 @@ SEEDS = 5
 """points by which the length of t' is tried"""
 MOST_POINTS = 60
 """of the inliers are checked"""
+LARGEST = 4.0
+"""times the median: the place of a point far from all others is no larger"""
 
 
 class Duplicate(NamedTuple):
@@ -64,23 +66,28 @@ class _Places(NamedTuple):
     middle: IntArray
     """(s,) the points that are seen nearest to the mean direction"""
     directions: FloatArray
-    """(n, 3) goal camera frame, unit length"""
+    """(n, 3) goal camera frame, unit length, in the order of x"""
     near: FloatArray
     """(n,) cosines above which a direction is at the place of this one"""
+    reach: float
+    """largest difference of x at a place"""
     chance: float
     """that a random direction among them is at the place of one"""
 
 
 def _places(bearings: FloatArray, best: Minimum) -> _Places:
-    directions, points = np.ascontiguousarray(bearings[:, 3:]), np.empty((len(bearings), 3))
-    linear_structure(bearings, best.rotation, best.translation, points)
+    ordered = bearings[np.argsort(bearings[:, 3])]
+    directions, points = np.ascontiguousarray(ordered[:, 3:]), np.empty((len(ordered), 3))
+    linear_structure(ordered, best.rotation, best.translation, points)
     chords = NEAR * np.asarray(KDTree(directions).query(directions, k=2)[0])[:, 1]
+    chords = np.minimum(chords, LARGEST * np.median(chords))
     spread = np.linalg.svd(directions - directions.mean(axis=0), compute_uv=False)[:2]
     area = 4.0 * math.pi * max(float(spread.prod()) / len(directions), 1e-12)  # of an even ellipse
     own = np.arange(0, len(points), math.ceil(len(points) / MOST_POINTS))
     middle = np.argsort(-directions[own] @ directions.mean(axis=0))[:SEEDS]
     chance = min(1.0, math.pi * float(np.square(chords).sum()) / area)
-    return _Places(points[own], own, middle, directions, 1.0 - 0.5 * np.square(chords), chance)
+    near, reach = 1.0 - 0.5 * np.square(chords), float(chords.max())
+    return _Places(points[own], own, middle, directions, near, reach, chance)
 
 
 def duplicate_structure(matches: Matches, fit: TwoViewFit) -> Duplicate | None:
@@ -177,7 +184,10 @@ def _taken(places: _Places, i: int, R: FloatArray, t: FloatArray, length: float)
         off = places.points[i, b] - length * t[b]
         seen = (seen[0] + off * R[b, 0], seen[1] + off * R[b, 1], seen[2] + off * R[b, 2])
     distance = math.sqrt(max(seen[0] ** 2 + seen[1] ** 2 + seen[2] ** 2, 1e-300))
-    for j in range(len(places.near)):
+    last = seen[0] / distance + places.reach
+    for j in range(_first_from(places.directions, seen[0] / distance - places.reach), len(places.near)):
+        if places.directions[j, 0] > last:
+            break
         along = (
             seen[0] * places.directions[j, 0]
             + seen[1] * places.directions[j, 1]
@@ -186,3 +196,16 @@ def _taken(places: _Places, i: int, R: FloatArray, t: FloatArray, length: float)
         if along > places.near[j] * distance:
             return j if j != places.own[i] else -1
     return -1
+
+
+@leaf
+def _first_from(directions: FloatArray, x: float) -> int:
+    """Return the first of the directions, in the order of x, that has at least this one."""
+    low, high = 0, len(directions)
+    while low < high:
+        middle = (low + high) // 2
+        if directions[middle, 0] < x:
+            low = middle + 1
+        else:
+            high = middle
+    return low
