@@ -1,8 +1,10 @@
 """The pose filter: its motion model, its update, and what it is worth."""
 
 import numpy as np
-from kinematic_loop import FISHEYE, FRONT, Loop, Path, bent_path, plan_of
+from kinematic_loop import FISHEYE, FRONT, PERSPECTIVE, Loop, Path, bent_path, plan_of
+from scipy.optimize import least_squares
 from scipy.spatial.transform import RigidTransform, Rotation
+from scipy.stats import chi2, f
 
 from omniservo.estimation import refine_pose
 from omniservo.tracking import PathTracker, TrackerOptions
@@ -63,8 +65,13 @@ def test_the_predicted_covariance_is_that_of_the_linearised_motion():
     np.testing.assert_allclose(found, transition @ prior @ transition.T + np.diag(noise), atol=1e-5)
 
 
-def test_the_update_weighs_prediction_and_image_by_their_covariances():
-    """Against the information form: P⁻¹ = P₀⁻¹ + C⁻¹, step = P C⁻¹ gap."""
+def wider(degrees):
+    """How much larger than the mean square of so few residuals a variance has to be taken."""
+    return 6.0 * f.ppf(0.95, 6, degrees) / chi2.ppf(0.95, 6)
+
+
+def test_the_update_is_the_least_squares_of_prediction_and_image():
+    """Against SciPy's: of the residuals L⁻¹ gap, P = L Lᵀ, and those of the pixels over σ."""
     rng = np.random.default_rng(1)
     seen = bent_path()(0.4)
     pixels = Loop(FISHEYE, pose=seen).look() + 0.3 * rng.standard_normal((9, 2))
@@ -75,10 +82,20 @@ def test_the_update_weighs_prediction_and_image_by_their_covariances():
     estimate, everything = (values, covariance, np.zeros(2)), np.ones(9, bool)
     measured = row(fit.reference_T_camera)
     correct_state(FISHEYE.parameters, FRONT, pixels, everything, measured, np.zeros(6), estimate)
-    joined = np.linalg.inv(np.linalg.inv(prior) + np.linalg.inv(fit.covariance))
-    np.testing.assert_allclose(covariance, joined, rtol=1e-6, atol=1e-12)
-    step = joined @ np.linalg.solve(fit.covariance, gap(prediction, fit.reference_T_camera))
-    np.testing.assert_allclose(gap(prediction, pose_of(values)), step, atol=1e-8)
+
+    def residuals(pose):
+        return (FISHEYE.project(pose.inv().apply(FRONT))[0] - pixels).ravel()
+
+    variance = wider(12) * np.mean(residuals(fit.reference_T_camera) ** 2) * 18 / 12
+    root = np.linalg.inv(np.linalg.cholesky(prior))
+
+    def both(step):
+        pose = moved(prediction, step)
+        return np.concatenate((root @ gap(prediction, pose), residuals(pose) / np.sqrt(variance)))
+
+    best = least_squares(both, np.zeros(6), x_scale=1e-3, xtol=1e-14, ftol=1e-14, gtol=1e-14)
+    np.testing.assert_allclose(gap(prediction, pose_of(values)), best.x, atol=2e-6)
+    np.testing.assert_allclose(covariance, np.linalg.inv(best.jac.T @ best.jac), rtol=1e-3, atol=5e-10)
 
 
 def test_an_uncertain_stamp_is_pixel_noise_along_every_points_flow():
@@ -98,7 +115,7 @@ def test_an_uncertain_stamp_is_pixel_noise_along_every_points_flow():
     step = 1e-4
     place = pose * RigidTransform.from_exp_coords(np.concatenate((twist[3:], twist[:3])) * step)
     flow = (FISHEYE.project(place.inv().apply(FRONT))[0].ravel() - projected(np.zeros(6))) / step
-    noise = np.linalg.inv(jacobian.T @ jacobian @ fit.covariance).trace() / 6.0
+    noise = np.linalg.inv(wider(12) * jacobian.T @ jacobian @ fit.covariance).trace() / 6.0
     weights = np.linalg.inv(np.eye(18) / noise + sigma**2 * np.outer(flow, flow))
     covariance = prior.copy()
     estimate, everything = (row(pose), covariance, np.zeros(2)), np.ones(9, bool)
@@ -159,3 +176,26 @@ def test_few_points_state_an_error_of_about_its_size_and_filter_it():
             normalised.append(off @ np.linalg.solve(tracker.report.filtered_covariance, off))
     assert np.linalg.norm(joined) < 0.45 * np.linalg.norm(single)
     assert np.median(normalised) < 3 * 5.3  # of χ²(6)
+
+
+def test_the_ellipsoid_of_four_points_covers_the_truth_as_often_as_it_says():
+    """Of a tag nearly face on: of one image, and of fifteen, which single poses joined are far from."""
+    half = 30.0 / 420.0 * 1.3 / 2.0
+    corners = np.array([[-half, -half, 0], [half, -half, 0], [half, half, 0], [-half, half, 0]])
+    place = moved(RigidTransform.identity(), [0.02, 0.01, 0.65, 0.0, np.radians(12.0), 0.0])
+    points = place.apply(corners)
+    still = Path(np.array([[0.0, 0.0]] * 3 + [[0.0, 1.0]]), np.zeros((3, 2)))
+    seen, first, last = PERSPECTIVE.project(points)[0], [], []
+    for seed in range(100):
+        rng = np.random.default_rng(seed)
+        tracker = PathTracker(plan_of(points, still), PERSPECTIVE)
+        for k in range(15):
+            tracker.step(k / 30.0, seen + 0.2 * rng.standard_normal(seen.shape))
+            off = gap(pose_of(tracker.report.filtered_pose), RigidTransform.identity())
+            square = off @ np.linalg.solve(tracker.report.filtered_covariance, off)
+            if k in (0, 14):
+                (first if k == 0 else last).append(square)
+    within = chi2.ppf(0.95, 6)
+    assert np.mean(np.array(first) <= within) > 0.85
+    assert np.mean(np.array(last) <= within) > 0.88
+    assert np.mean(last) < 1.5 * 6.0

@@ -10,8 +10,9 @@ of one image of a few points say too little of it.
 import math
 
 import numpy as np
+from scipy.special import chdtri, fdtri
 
-from omniservo.estimation.refinement.pose_refinement import inverse_information
+from omniservo.estimation.refinement.pose_refinement import PoseEquations, normal_equations, pose_cost
 from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.geometry.kernel import kernel, leaf
 from omniservo.geometry.linear_systems import factor_cholesky, solve_factored
@@ -31,6 +32,23 @@ LEAST_PIXEL_VARIANCE = 0.02**2
 
 MEMORY = 60.0
 """degrees of freedom: of so many residuals, the latest, is the pixels' variance"""
+
+WIDER = np.array(
+    [
+        6.0 * float(fdtri(6, max(degrees, 2), 0.95)) / float(chdtri(6, 0.05))
+        for degrees in range(int(MEMORY) + 1)
+    ]
+)
+"""(61,) by the residuals' degrees of freedom, at least 2: so much larger a variance makes the 95% ellipsoid
+of six numbers that of Fisher's F, for a mean of so few squares"""
+
+MOST_STEPS = 8
+"""of Gauss and Newton"""
+
+ENOUGH = 1e-8
+"""A step that gains less than this is the last; the unit is one σ²"""
+
+LEAST_PIVOT = 1e-15
 
 
 @leaf
@@ -86,65 +104,127 @@ def correct_state(
     stamp: FloatArray,
     estimate: tuple[FloatArray, FloatArray, FloatArray],
 ) -> None:
-    """Join pose (7,) and covariance (6, 6) of the ``estimate`` with ``measured`` (7,) in the image, in place.
+    """Join pose (7,) and covariance (6, 6) of the ``estimate`` with an image, in place.
 
-    K = P(P + C)⁻¹ with C the covariance of the measured pose: σ²(JᵀJ)⁻¹ of its reprojection error, and ssᵀ of
-    its time stamp, s the camera's twist times the stamp's standard deviation. All points are off together
-    then, by their flow times that of the stamp, J s: pixel noise with the covariance J ssᵀ Jᵀ. σ² is that of
-    the residuals (2,), the estimate's third part, with this image's: Σr² [px²] and its degrees of freedom.
+    The pose is that of least gᵀP⁻¹g + rᵀWr, found by Gauss-Newton steps from the predicted pose or from
+    ``measured`` (7,), the pose of this image alone, whichever is lower: g leads to the prediction, r are the
+    reprojection errors, W⁻¹ = σ² + (Js)(Js)ᵀ with s the camera's twist times the standard deviation of the
+    time stamp, by which all points are off together. Its covariance is (P⁻¹ + JᵀWJ)⁻¹ there: to join the
+    poses of single images instead would count those most that happen to seem certain. σ² is that of the
+    residuals (2,), the estimate's third part, with this image's: Σr² [px²] and its degrees of freedom.
     """
     pose, covariance, residuals = estimate
-    own, gain = np.empty((6, 6)), np.empty((6, 6))
-    weights = used.astype(np.float64)
-    cost = inverse_information(parameters, points, pixels, weights, measured[:4], measured[4:], own)
-    if not cost < math.inf:
+    weights, information = used.astype(np.float64), np.empty((6, 6))
+    cost = pose_cost(parameters, points, pixels, weights, math.inf, measured[:4], measured[4:])
+    if not (cost < math.inf and _invert(covariance, information)):
         return
-    own *= _pixel_variance(residuals, cost, 2.0 * weights.sum() - 6.0)
-    _add_stamp(measured, stamp, own)
-    total = own + covariance
-    if not factor_cholesky(total, 6, 1e-15):
-        return
-    column = np.empty(6)
-    for i in range(6):  # row i of K = P S⁻¹ solves S kᵀ = pᵀ, both symmetric
-        column[:] = covariance[i]
-        solve_factored(total, 6, column)
-        gain[i] = column
-    gap, step, rest = np.empty(6), np.zeros(6), np.zeros((6, 6))
-    _gap(pose, measured, gap)
-    for i in range(6):
-        for k in range(6):
-            step[i] += gain[i, k] * gap[k]
-            for m in range(6):
-                rest[i, k] += gain[i, m] * own[m, k]
-    for i in range(6):  # (I − K)P = K C
-        for k in range(6):
-            covariance[i, k] = 0.5 * (rest[i, k] + rest[k, i])
-    pose[:4] = turn_quaternion(pose[:4], step[3], step[4], step[5])
-    for i in range(3):
-        pose[4 + i] += step[i]
-
-
-@leaf
-def _pixel_variance(residuals: FloatArray, cost: float, degrees: float) -> float:
-    """Add an image's Σr² and its degrees of freedom to the ``residuals`` (2,); return σ² of all [px²]."""
-    kept = min(1.0, max(MEMORY - degrees, 0.0) / max(residuals[1], 1.0))
-    residuals[0] = kept * residuals[0] + cost
-    residuals[1] = kept * residuals[1] + degrees
-    return float(max(residuals[0] / residuals[1], LEAST_PIXEL_VARIANCE))
+    variance = _pixel_variance(residuals, cost, 2.0 * weights.sum() - 6.0)
+    seen, prior, noise = (parameters, points, pixels, weights), (pose.copy(), information), (variance, stamp)
+    here, there = (
+        PoseEquations(np.empty((6, 6)), np.empty(6)),
+        PoseEquations(np.empty((6, 6)), np.empty(6)),
+    )
+    best, value = pose.copy(), _write_equations(seen, prior, noise, pose, here)
+    trial, found = measured.copy(), _write_equations(seen, prior, noise, measured, there)
+    decrement, factor, step = math.inf, np.empty((6, 6)), np.empty(6)
+    for _ in range(MOST_STEPS):
+        if found <= value:
+            best[:], value = trial, found
+            here.normal[:], here.gradient[:] = there.normal, there.gradient
+        elif decrement < math.inf:
+            break
+        factor[:], step[:] = here.normal, -here.gradient
+        if decrement < ENOUGH or not (value < math.inf and factor_cholesky(factor, 6, LEAST_PIVOT)):
+            break
+        solve_factored(factor, 6, step)
+        decrement = -(here.gradient * step).sum()
+        trial[:4] = turn_quaternion(best[:4], step[3], step[4], step[5])
+        trial[4:] = best[4:] + step[:3]
+        found = _write_equations(seen, prior, noise, trial, there)
+    if value < math.inf and _invert(here.normal, covariance):
+        pose[:] = best
 
 
 @kernel
-def _add_stamp(measured: FloatArray, stamp: FloatArray, covariance: FloatArray) -> None:
-    """Add to the covariance (6, 6) of a measured pose that of its time stamp, (6,) in the camera's frame."""
-    r, off = np.empty((3, 3)), np.zeros(6)
-    _matrix(measured, r)
+def _write_equations(
+    seen: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
+    prior: tuple[FloatArray, FloatArray],
+    noise: tuple[float, FloatArray],
+    pose: FloatArray,
+    equations: PoseEquations,
+) -> float:
+    """Fill the normal equations of image and prediction at ``pose`` (7,) and return what they minimise.
+
+    With N = JᵀJ/σ² and d = Jᵀr/σ²: JᵀWJ = N − NssᵀN/(1 + sᵀNs), and likewise d and r.
+
+    Args:
+        seen: the camera's parameters, points, pixels and weights.
+        prior: the predicted pose (7,), and its P⁻¹ (6, 6).
+        noise: σ² of the pixels [px²], and s (6,) in the camera's frame.
+        pose: where.
+        equations: out.
+    """
+    parameters, points, pixels, weights = seen
+    (predicted, information), (variance, stamp) = prior, noise
+    value = normal_equations(parameters, points, pixels, weights, math.inf, pose[:4], pose[4:], equations)
+    if not value < math.inf:
+        return math.inf
+    normal, gradient = equations.normal, equations.gradient
+    value, along, total = value / variance, 0.0, 1.0
+    normal /= variance
+    gradient /= variance
+    r, off, pulled, gap = np.empty((3, 3)), np.zeros(6), np.zeros(6), np.empty(6)
+    _matrix(pose, r)
     for i in range(3):
         off[3 + i] = stamp[3 + i]
         for k in range(3):
             off[i] += r[i, k] * stamp[k]
     for i in range(6):
         for k in range(6):
-            covariance[i, k] += off[i] * off[k]
+            pulled[i] += normal[i, k] * off[k]
+    for i in range(6):
+        along += gradient[i] * off[i]
+        total += pulled[i] * off[i]
+    value -= along * along / total
+    _gap(pose, predicted, gap)
+    for i in range(6):
+        gradient[i] -= pulled[i] * along / total
+        for k in range(6):
+            normal[i, k] += information[i, k] - pulled[i] * pulled[k] / total
+            gradient[i] -= information[i, k] * gap[k]
+            value += gap[i] * information[i, k] * gap[k]
+    return value
+
+
+@leaf
+def _pixel_variance(residuals: FloatArray, cost: float, degrees: float) -> float:
+    """Add an image's Σr² and its degrees of freedom to the ``residuals`` (2,); return σ² of all [px²].
+
+    It is as much larger than their mean as so few may be too small by: see `WIDER`.
+    """
+    kept = min(1.0, max(MEMORY - degrees, 0.0) / max(residuals[1], 1.0))
+    residuals[0] = kept * residuals[0] + cost
+    residuals[1] = kept * residuals[1] + degrees
+    wider = WIDER[min(int(residuals[1]), len(WIDER) - 1)]
+    return float(max(wider * residuals[0] / residuals[1], LEAST_PIXEL_VARIANCE))
+
+
+@kernel
+def _invert(matrix: FloatArray, inverse: FloatArray) -> bool:
+    """Write the inverse of a symmetric matrix (6, 6); False, with nothing written, where it is singular."""
+    factor, column = matrix.copy(), np.empty(6)
+    if not factor_cholesky(factor, 6, LEAST_PIVOT):
+        return False
+    for k in range(6):
+        for i in range(6):
+            column[i] = 1.0 if i == k else 0.0
+        solve_factored(factor, 6, column)
+        for i in range(6):
+            inverse[i, k] = column[i]
+    for i in range(6):
+        for k in range(i):
+            inverse[i, k] = inverse[k, i] = 0.5 * (inverse[i, k] + inverse[k, i])
+    return True
 
 
 @leaf

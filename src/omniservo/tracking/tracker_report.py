@@ -37,7 +37,8 @@ class TrackerReport:
     filtered_pose: FloatArray
     """(7,) likewise, joined with the images before along the planned motion"""
     filtered_covariance: FloatArray
-    """(6, 6) of (translation [m], rotation vector on the right [rad]) of the filtered pose"""
+    """(6, 6) of (translation [m], rotation vector on the right [rad]) of the filtered pose; where two
+    poses explain a small plane, about that which is followed"""
     pose_rms_px: float
     """rms distance of the used points to the projections from that pose [px]"""
     conditioning: float
