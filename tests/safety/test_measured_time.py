@@ -9,6 +9,7 @@ from omniservo.errors import ClockFault, InputError, NotInControl, ProtectiveSto
 from omniservo.robots import ArmMode
 from omniservo.safety import SafetyOptions, Supervisor
 from omniservo.safety.motion_history import Sent
+from omniservo.safety.motion_limits import stopping_distance
 from omniservo.safety.supervisor import TICK
 
 SLOW = np.array([0.15, -0.1, 0.12, 0.2, -0.15, 0.25])
@@ -53,6 +54,23 @@ def test_a_process_that_slept_while_it_braked_does_not_go_on_braking_from_where_
     written.advance = lambda duration: advance(duration + (0.5 if len(written.commands) > count else 0.0))
     supervisor.stop()
     assert (len(written.commands), written.stops) == (count + 1, 1)
+
+
+@pytest.mark.parametrize("late", [0.0, 0.01, 0.04])  # [s] at every tick: within the reaction time
+def test_joints_brake_within_their_stopping_distance_however_late_the_ticks_of_braking_are(
+    on_clock, written, arm, late
+):
+    supervisor, fast = on_clock(), np.array([1.5, 0.0, 0.0, 0.0, 0.0, 3.0])
+    supervisor.command(fast)
+    supervisor.wait(0.3)
+    advance, begin = written.advance, written.robot.read().joint_positions
+    written.advance = lambda duration: advance(duration + late)
+    supervisor.stop()
+    advance(0.3)
+    turned = written.robot.read().joint_positions - begin
+    assert (
+        turned < stopping_distance(fast, arm.joint_acceleration, supervisor.options.reaction) + 1e-3
+    ).all()
 
 
 def test_the_history_is_told_when_each_command_was_sent_and_not_when_the_arm_has_taken_it(on_clock, written):

@@ -318,13 +318,11 @@ class Supervisor:
 
     def _brake_on(self) -> bool:
         """Lead the joints one tick nearer to rest; return whether the arm takes commands at all."""
-        elapsed = TICK  # where nothing or nonsense is read: what was waited for
         with suppress(ServoStop):
-            state = self._seen_state()
-            if state.mode is not ArmMode.READY:
+            if self._seen_state().mode is not ArmMode.READY:
                 return False
-            passed = self._link.now - self._sent_time
-            elapsed = passed if 0.0 < passed < TICK else TICK
+        passed = self._link.now - self._sent_time  # a late tick brakes for all of it: the way is counted
+        elapsed = min(passed, self.options.reaction) if passed > 0.0 else TICK
         self._sent_time = self._link.now
         self._sent = braked(self._sent, self.arm.joint_acceleration * elapsed)
         self._link.command(self._sent)
