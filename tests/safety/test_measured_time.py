@@ -73,6 +73,17 @@ def test_joints_brake_within_their_stopping_distance_however_late_the_ticks_of_b
     ).all()
 
 
+def test_a_clock_that_jumps_while_joints_brake_does_not_halt_them_at_once(guard, written, arm):
+    supervisor, reaction = guard(reaction=0.02), 0.02
+    supervisor.command([0, 0, 0, 0, 0, 2.0])
+    supervisor.wait(0.1)
+    written.broken, count = {"time": written.robot.time + 10.0}, len(written.commands)
+    supervisor.stop()
+    speeds = [2.0, *(v[5] for _, v in written.commands[count:])]
+    assert speeds[-1] == 0.0
+    assert -np.diff(speeds).min() <= arm.joint_acceleration[5] * reaction + 1e-9
+
+
 def test_the_history_is_told_when_each_command_was_sent_and_not_when_the_arm_has_taken_it(on_clock, written):
     supervisor, read = on_clock(), written.read
     taking, command, stop = 0.003, written.command, written.stop
