@@ -175,6 +175,25 @@ def test_a_point_outside_is_brought_back_and_none_inside_is_given_up_for_it():
     assert (slope[:2] >= -OPTIONS.visibility_rate * height[:2] - 1e-3).all()
 
 
+def test_points_some_hundred_pixels_beyond_an_edge_do_not_make_the_filter_give_up():
+    """Their rows are up to a hundred times as long as those of points in view."""
+    options = SafetyOptions(visibility_margin=2.0, max_linear_speed=1e9, max_angular_speed=1e9)
+    keeper = VisibilityFilter(PERSPECTIVE, options=options)
+    for seed in range(400):
+        rng = np.random.default_rng(seed)
+        points = rng.standard_normal((9, 3)) * rng.uniform(0.05, 0.6) + [0.0, 0.0, 1.0]
+        points = points[points[:, 2] > 0.2]
+        pixels, _ = PERSPECTIVE.project(points)
+        wanted = rng.standard_normal(6) * 10.0 ** rng.uniform(-2.0, 0.5)
+        room = heights(PERSPECTIVE, points)
+        inside = (room > 0.0).all(axis=1)
+        found = keeper.step(points, pixels, inside, wanted, 0.0, np.zeros(6))
+        assert found.solved
+        rate = (heights(PERSPECTIVE, moved(points, found.twist, 1e-6)) - room) / 1e-6
+        lacks = -(rate + options.visibility_rate * room)[inside]
+        assert lacks.max(initial=0.0) < 1e-3 * max(1.0, np.abs(rate).max())
+
+
 def test_a_point_so_far_beyond_the_lens_circle_that_it_has_no_projection_is_brought_back():
     bearing = np.array([math.sin(math.radians(95.0)), 0.0, math.cos(math.radians(95.0))])
     points = np.array([0.5 * bearing, [0.0, 0.1, 0.5]])

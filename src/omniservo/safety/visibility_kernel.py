@@ -25,7 +25,7 @@ how many rows hold the twist back, and whether the program was solved (1 or 0)."
 SLACK_WEIGHT = 1e-2
 """cost of a slack of 1 px/s, squared, beside that of 1 rad/s"""
 
-ENOUGH, ENOUGH_OF = 1e-7, 1e-9
+ENOUGH, ENOUGH_OF = 1e-7, 1e-7
 """A row holds that lacks less [px/s], or less than this part of what the wanted twist lacks most: of a fast
 twist before near points no more can be had, by rounding"""
 
@@ -296,10 +296,15 @@ def _nearest(
             return True
         if size == MOST_ROWS:
             return False
+        length = 0.0
         for a in range(6):
             working[size, a] = rows[worst, a] * (distance if a < 3 else 1.0)
+            length += working[size, a] ** 2
+        length = max(math.sqrt(length), 1e-300)
         working[size, 6] = 1.0 if heights[worst] < 0.0 else 0.0
-        bounds[size] = right[worst]
+        for a in range(7):  # of length 1: the program misses rows by a share of the longest
+            working[size, a] /= length
+        bounds[size] = right[worst] / length
         size += 1
         if not quadratic_step(hessian, gradient, working[:size], bounds[:size], step, multipliers[:size]):
             return False
