@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import RigidTransform
 
-from omniservo.errors import WorkspaceLimit
+from omniservo.errors import JointLimit, WorkspaceLimit
 from omniservo.robots import Arm, ArmMode, RobotState
 from omniservo.safety import SafetyOptions
 from omniservo.safety.stoppable import Stoppable
@@ -33,3 +33,20 @@ def test_a_drive_that_still_turns_faster_than_commanded_is_braked_from_its_own_s
     stoppable.check(RobotState(0.0, JOINTS, 10.0 * slow, mode), -slow)  # it may be brought back
     with pytest.raises(WorkspaceLimit, match="could stop only at"):
         stoppable.check(RobotState(0.0, JOINTS, 10.0 * slow, mode), slow)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_joint_that_still_turns_faster_than_commanded_is_braked_inside_its_range(sign):
+    arm = Arm.rx60()
+    options = SafetyOptions(joint_reserve=0.0, reaction=0.02)
+    stoppable = Stoppable(arm, RigidTransform.identity(), arm.base_T_flange(JOINTS), options)
+
+    def way(speed):
+        return speed * options.reaction + speed**2 / (2.0 * arm.joint_acceleration[0])
+
+    joints, slow = JOINTS.copy(), np.array([0.05, 0.0, 0.0, 0.0, 0.0, 0.0]) * sign
+    joints[0] = arm.joint_range[0, int(sign > 0.0)] - 0.5 * sign * (way(0.05) + way(0.5))
+    stoppable.check(RobotState(0.0, joints, slow, ArmMode.READY), slow)
+    stoppable.check(RobotState(0.0, joints, 10.0 * slow, ArmMode.READY), -slow)  # it may be brought back
+    with pytest.raises(JointLimit, match="would stop at"):
+        stoppable.check(RobotState(0.0, joints, 10.0 * slow, ArmMode.READY), slow)
