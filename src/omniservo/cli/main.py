@@ -108,7 +108,7 @@ def main(arguments: list[str] | None = None) -> None:
     DOING.stage, DOING.written = "", []
     try:
         with _ended_cleanly():
-            _commands()(args=arguments)
+            sys.exit(_commands()(args=arguments, standalone_mode=False) or 0)
     except AlreadyExists as error:
         _end(WRONG_INPUT, f"{error.path}: exists; --force replaces it")
     except InputError as error:
@@ -121,6 +121,8 @@ def main(arguments: list[str] | None = None) -> None:
         _end(WRONG_INPUT, ": ".join(str(w) for w in (error.filename, error.strerror or error) if w))
     except KeyboardInterrupt:
         _end(INTERRUPTED, DOING.ended("interrupted"))
+    except typer.Abort:  # which typer makes of an end of input
+        _end(ANSWER_IS_NO, DOING.ended("the input ended"))
     except SystemExit as end:
         if isinstance(end.__context__, BrokenPipeError):  # which typer ends with the code of a no
             sys.exit(UNREAD)
@@ -129,6 +131,17 @@ def main(arguments: list[str] | None = None) -> None:
         if end.code == TERMINATED:
             _end(TERMINATED, DOING.ended("terminated"))
         raise
+    except Exception as error:
+        _end(WRONG_INPUT, _wrong_call(error))
+
+
+def _wrong_call(error: Exception) -> str:
+    """Return in one line what typer says of a wrong call; another error is a defect, and raised."""
+    if not hasattr(error, "format_message"):
+        raise error
+    said = " ".join(error.format_message().split()).replace("Value error, ", "").removesuffix(".")
+    called = getattr(getattr(error, "ctx", None), "command_path", "omniservo")
+    return f"{said or 'a command is missing'}; see {called} --help"
 
 
 def _open_closed_streams() -> None:
