@@ -87,8 +87,9 @@ def test_up_turns_the_view_over(picture, tmp_path):
         (["--direction", "0,0,0"], "direction"),
         (["--up", "up"], "--up"),
         (["--up", "0,0,1"], "up"),
-        (["--field-of-view", "180"], "field_of_view"),
-        (["--field-of-view", "nan"], "field_of_view"),
+        (["--field-of-view", "180"], "--field-of-view: 180 given; legal: above 0, below 180 (degrees)"),
+        (["--field-of-view", "nan"], "--field-of-view: nan given"),
+        (["--view", "cylindrical", "--field-of-view", "361"], "361 given; legal: above 0, at most 360"),
         (["--view", "equirectangular", "--field-of-view", "90"], "--field-of-view"),
     ],
 )

@@ -76,11 +76,14 @@ def rectify(
 def _view(view: str, field_of_view: float | None, size: tuple[int, int]) -> ViewCamera:
     from omniservo.cameras.rectify import cylindrical_view, equirectangular_view, perspective_view
 
-    if view in ("perspective", "tangent"):
-        return perspective_view(math.radians(90.0 if field_of_view is None else field_of_view), size)
-    if view == "cylindrical":
-        return cylindrical_view(math.radians(180.0 if field_of_view is None else field_of_view), size)
-    return equirectangular_view(size)
+    if view == "equirectangular":
+        return equirectangular_view(size)
+    flat = view != "cylindrical"
+    degrees = field_of_view if field_of_view is not None else 90.0 if flat else 180.0
+    if not (0.0 < degrees < 180.0 if flat else 0.0 < degrees <= 360.0):
+        legal = f"above 0, {'below 180' if flat else 'at most 360'} (degrees)"
+        raise InputError(f"--field-of-view: {degrees:g} given; legal: {legal}")
+    return (perspective_view if flat else cylindrical_view)(math.radians(degrees), size)
 
 
 def _vector(option: str, text: str) -> list[float]:
