@@ -17,6 +17,18 @@ ASSUMED_NOISE_PX = 0.5
 
 NO_SQUARES: IntArray = np.empty((0, 4), dtype=np.int64)
 
+_SHORTEST, _LONGEST = 1e-9, 1e9
+"""[m] that give a scale: squares of shorter and longer ones leave the range of floating-point numbers"""
+
+
+def stated_length(name: str, value: Any) -> float:
+    """Return a length that gives a scale [m].
+
+    Raises:
+        InputError: not a number, or not from 1e-9 to 1e9.
+    """
+    return finite_number(name, value, minimum=_SHORTEST, maximum=_LONGEST)
+
 
 def checked_pixels(
     image: UnifiedImage, pixels_initial: npt.ArrayLike, pixels_goal: npt.ArrayLike
@@ -89,7 +101,7 @@ def checked_scale(scale: Any, sigma: Any, n: int) -> tuple[tuple[int, int] | Non
     if scale is None:
         return None, None
     if not isinstance(scale, tuple | list):
-        return None, finite_number("scale", scale, above=0.0)
+        return None, stated_length("scale", scale)
     if len(scale) != 2 or not isinstance(scale[0], tuple | list) or len(scale[0]) != 2:
         raise InputError(f"scale: {scale!r} given; {legal}")
     indices = []
@@ -99,4 +111,4 @@ def checked_scale(scale: Any, sigma: Any, n: int) -> tuple[tuple[int, int] | Non
         indices.append(int(index))
     if indices[0] == indices[1]:
         raise InputError(f"scale: point {indices[0]} given twice; two different points are needed")
-    return (indices[0], indices[1]), finite_number("scale: metres", scale[1], above=0.0)
+    return (indices[0], indices[1]), stated_length("scale: metres", scale[1])

@@ -11,8 +11,9 @@ import numpy.typing as npt
 
 from omniservo.errors import InputError, spelled
 from omniservo.estimation.known_displacements import DisplacementPrior, KnownDisplacements
+from omniservo.estimation.two_view_input import stated_length
 from omniservo.field_docs import with_field_docs
-from omniservo.geometry.arrays import FloatArray, IntArray, finite_array, finite_number, owned
+from omniservo.geometry.arrays import FloatArray, IntArray, finite_array, owned
 from omniservo.short_repr import short_repr
 
 
@@ -126,9 +127,7 @@ def checked_scale(scale: Any, views: int, n: int) -> GaugeLength | DisplacementP
         return DisplacementPrior.of(scale, views)
     if isinstance(scale, ViewDistance):
         ends = _indices("scale: view", [scale.first, scale.second], views)
-        return GaugeLength(
-            True, ends, _pair_size(finite_number("scale: metres", scale.metres, above=0.0)), none, _PAIR
-        )
+        return GaugeLength(True, ends, _pair_size(stated_length("scale: metres", scale.metres)), none, _PAIR)
     if isinstance(scale, KnownPoints):
         points = finite_array("scale: points", scale.points, (None, 3))
         rows = _indices("scale: index", list(np.asarray(scale.indices, dtype=object).ravel()), n)
@@ -147,11 +146,11 @@ def checked_scale(scale: Any, views: int, n: int) -> GaugeLength | DisplacementP
         if len(scale) != 2 or not isinstance(scale[0], tuple | list) or len(scale[0]) != 2:
             legal = "None, metres, ((i, j), metres), ViewDistance, KnownPoints, KnownDisplacements"
             raise InputError(f"scale: {spelled(scale)} given; legal: {legal}")
-        metres = finite_number("scale: metres", scale[1], above=0.0)
+        metres = stated_length("scale: metres", scale[1])
         return GaugeLength(
             False, _indices("scale: index", list(scale[0]), n), _pair_size(metres), none, _PAIR
         )
-    metres = finite_number("scale", scale, above=0.0)
+    metres = stated_length("scale", scale)
     return GaugeLength(True, np.array([0, 1]), _pair_size(metres), none, _PAIR)
 
 

@@ -27,10 +27,11 @@ from omniservo.estimation import (
     candidate_views,
     estimate_views,
 )
+from omniservo.estimation.two_view_input import stated_length
 from omniservo.estimation.view_scale import ViewScale
 from omniservo.field_docs import with_field_docs
 from omniservo.files.image_files import copies_of
-from omniservo.geometry.arrays import ByteArray, FloatArray, finite_number
+from omniservo.geometry.arrays import ByteArray, FloatArray
 from omniservo.perception import DotKind, JoinedPoints, TagKind, join_images
 from omniservo.runs.estimate_images import read_image
 from omniservo.runs.feature_kind_of import KindName, feature_kind
@@ -240,11 +241,11 @@ def _scale(
     dictionary: str | None,
 ) -> ViewScale:
     if scale.displacement is not None:
-        metres = finite_number("displacement", scale.displacement, above=0.0)
+        metres = stated_length("displacement", scale.displacement)
         return ViewDistance(0, len(points.visible) - 1, metres)
     if scale.length is not None:
         i, j, metres = scale.length
-        return (row_of(i), row_of(j)), finite_number("length: metres", metres, above=0.0)
+        return (row_of(i), row_of(j)), stated_length("length: metres", metres)
     if points.ids is None:
         return None
     if target is not None:
@@ -254,7 +255,7 @@ def _scale(
         return KnownPoints(np.flatnonzero(known), corners[known])
     if scale.edge is None:
         return None
-    half = 0.5 * finite_number("edge", scale.edge, above=0.0)
+    half = 0.5 * stated_length("edge", scale.edge)
     square = half * np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
     tags, groups = np.unique(points.ids // CORNERS, return_inverse=True)
     if not len(tags):
