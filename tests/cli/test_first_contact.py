@@ -167,7 +167,7 @@ def test_a_plan_comes_to_the_same_where_standard_error_is_closed(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_command_that_compiles_says_so_while_it_does(tmp_path):
+def test_a_command_that_compiles_says_so_while_it_does_and_whether_it_is_kept(tmp_path):
     script = (
         "import numpy as np\n"
         "from omniservo.cameras.models.block_kernels import read_pixels\n"
@@ -175,20 +175,21 @@ def test_a_command_that_compiles_says_so_while_it_does(tmp_path):
         "with Output(as_json=False, quiet=False).working('planning'):\n"
         "    read_pixels(np.zeros(13), np.zeros((1, 2)), np.zeros(1), np.zeros(1))\n"
     )
-    first, second = (
+    first, second, unkept = (
         subprocess.run(
             [sys.executable, "-c", script],
-            env=os.environ | {"XDG_CACHE_HOME": str(tmp_path)},
+            env=os.environ | {"XDG_CACHE_HOME": str(cache)},
             capture_output=True,
             text=True,
             check=True,
         ).stderr
-        for _ in range(2)
+        for cache in (tmp_path, tmp_path, os.devnull)
     )
     begun, done = first.splitlines()
     assert begun.endswith("compiling, once: this stage's code (planning)")
-    assert "compiling took" in done
+    assert re.search(r"compiling took \d+ s; what is compiled is kept for the next time$", done)
     assert second == ""
+    assert "it is not kept, as /dev/null/omniservo/" in unkept.splitlines()[-1]
 
 
 def test_a_terminal_shows_one_line_that_changes():

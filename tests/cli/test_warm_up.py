@@ -53,4 +53,5 @@ def test_where_nothing_can_be_remembered_warm_up_says_so(capsys, own_cache, monk
     (own_cache / "kernels").write_text("no folder")
     code, out, _ = call(capsys, "warm-up")
     assert code == 0
+    assert "it is not kept, as " in out
     assert "could not be written" in out

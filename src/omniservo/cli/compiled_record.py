@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+
 from omniservo.errors import InputError
 from omniservo.files import read_document, write_whole
 from omniservo.geometry.kernel_cache import kernel_folders, user_folder
@@ -29,6 +31,14 @@ class CompiledRecord:
         except (OSError, InputError):
             return False
         return True
+
+
+def where_compiled_is_kept() -> str:
+    """Say whether what was compiled just now is there the next time."""
+    folder = user_folder()
+    if folder.is_dir() and os.access(folder, os.W_OK):  # compiling makes the folder where it can
+        return "what is compiled is kept for the next time"
+    return f"it is not kept, as {folder} cannot be written to: XDG_CACHE_HOME names another folder"
 
 
 def _kernels() -> int:

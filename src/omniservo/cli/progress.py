@@ -83,9 +83,9 @@ class Progress:
         if kind is None:
             DOING.stage = ""
         if self._watch is not None and self._watch.compiled:
-            self._line(
-                f"compiling took {self._watch.seconds:.0f} s; what is compiled is kept for the next time"
-            )
+            from omniservo.cli.compiled_record import where_compiled_is_kept
+
+            self._line(f"compiling took {self._watch.seconds:.0f} s; {where_compiled_is_kept()}")
 
     def __call__(self, stage: str, share: float | None = None, *, seconds: float | None = None) -> None:
         """Go on to a stage, or within it.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from omniservo.cli.compiled_record import CompiledRecord
+from omniservo.cli.compiled_record import CompiledRecord, where_compiled_is_kept
 from omniservo.cli.grouped import grouped
 from omniservo.cli.output import Output
 
@@ -24,7 +24,7 @@ def warm_up(output: Output) -> None:
 
         with compiling_ahead(), CompilerWatch() as watch:
             do_small_jobs(SimulatedCell, progress)
-    output.line(f"compiled {watch.compiled} functions in {watch.seconds:.0f} s; kept for every later call")
+    output.line(f"compiled {watch.compiled} functions in {watch.seconds:.0f} s; {where_compiled_is_kept()}")
     if not record.save():
         output.line(f"{record.path}: could not be written: the next warm-up goes through the same jobs again")
     output.result({"compiled": watch.compiled, "seconds": watch.seconds, "already": False}, "warm-up")
