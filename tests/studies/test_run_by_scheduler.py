@@ -63,6 +63,9 @@ def test_a_scheduler_that_does_not_answer_is_named(study, tmp_path, monkeypatch)
         run_study(study, tmp_path / "rows", scheduler="tcp://127.0.0.1:9")
     with pytest.raises(InputError, match="scheduler: 'gopher:///1': no scheduler answers there"):
         run_study(study, tmp_path / "rows", scheduler="gopher:///1")
+    monkeypatch.setattr(distributed, "Client", None)  # one of no address would wait for itself at the end
+    with pytest.raises(InputError, match=r"scheduler: 'head': no scheduler answers there \(missing port"):
+        run_study(study, tmp_path / "rows", scheduler="head")
 
 
 @pytest.mark.slow

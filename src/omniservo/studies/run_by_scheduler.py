@@ -91,9 +91,11 @@ def _connected(address: str) -> tuple[Any, Any]:
     """Return a client of the scheduler, and what yields its results as they come."""
     try:
         from distributed import Client, as_completed
+        from distributed.comm import get_address_host_port
     except ImportError:
         raise InputError("scheduler: Dask is not installed; needed: pip install omniservo[cluster]") from None
     try:
+        get_address_host_port(address)  # a client of what is no address ends in a traceback, after a minute
         return Client(address, timeout=_PATIENCE, set_as_default=False), as_completed
     except (OSError, ValueError) as error:
         raise InputError(f"scheduler: {spelled(address)}: no scheduler answers there ({error})") from None
