@@ -241,6 +241,20 @@ def test_mjcf_without_names_and_drives_is_an_arm(tmp_path):
     assert any("stiff ones are put in" in notice for notice in arm.notices)
 
 
+@pytest.mark.parametrize(
+    "default",
+    ['ctrllimited="true" ctrlrange="-0.8 0.8" gear="2"', 'forcelimited="true"'],
+    ids=["clamped", "without a range of forces"],
+)
+def test_drives_that_are_put_in_take_no_defaults_of_the_file(tmp_path, default):
+    """An arm of motors with such defaults was held within 0.8 rad, or refused by MuJoCo."""
+    plain = read(tmp_path, mjcf(), "arm.xml").spec().compile()
+    arm = read(tmp_path, mjcf(extra=f"<default><general {default}/></default>"), "arm.xml")
+    model = arm.spec().compile()
+    for name in ("ctrllimited", "forcelimited", "gear", "gainprm", "biasprm"):
+        np.testing.assert_array_equal(getattr(model, f"actuator_{name}"), getattr(plain, f"actuator_{name}"))
+
+
 def test_mjcf_includes_inside_the_folder_are_read(tmp_path):
     whole = mjcf()
     inner = whole[whole.index("<custom>") : whole.index("<worldbody>")]

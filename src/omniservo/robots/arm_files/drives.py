@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from omniservo.geometry.arrays import FloatArray
+from omniservo.robots.collision.plain import PLAIN
 
 _BANDWIDTH = 120.0
 """[rad/s] of a drive without load: fast beside any arm's motion, slow beside the physics step of 1 ms"""
@@ -41,7 +42,7 @@ def add_drives(spec: Any, model: Any) -> None:
     for joint, rotor, inertia in zip(spec.joints, rotors, inertias, strict=True):
         joint.armature, joint.frictionloss = rotor, 0.0
         joint.damping, joint.stiffness = np.zeros_like(joint.damping), np.zeros_like(joint.stiffness)
-        drive = spec.add_actuator(name=f"drive {joint.name}", target=joint.name)
+        drive = spec.add_actuator(PLAIN, name=f"drive {joint.name}", target=joint.name)
         drive.trntype = mujoco.mjtTrn.mjTRN_JOINT
         stiffness = inertia * _BANDWIDTH**2
         drive.gaintype, drive.biastype = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_AFFINE
