@@ -161,6 +161,17 @@ def test_pictures_of_no_size_and_second_materials_are_left_out(tmp_path):
         read(tmp_path, urdf().replace(CYLINDER, '<box size="0 1 0"/>', 1))
 
 
+@pytest.mark.parametrize(
+    "inertia", ["0 0 0.002 0.0115 0 0.0085", "0 0 0 0 0 0", "-1 0 0 1 0 1", "1 0 0 1 0 1e-16"]
+)
+def test_an_inertia_that_no_body_has_is_that_of_the_link_s_shapes(tmp_path, inertia):
+    """The first is cuRobo's of a Panda's base; MuJoCo refuses them, and kinematics do not need them."""
+    parts = zip(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), inertia.split(), strict=True)
+    stated = " ".join(f'{name}="{value}"' for name, value in parts)
+    arm = read(tmp_path, re.sub("<inertia .*?/>", f"<inertia {stated}/>", urdf(), count=3))
+    np.testing.assert_array_equal(arm.chain.tool, read(tmp_path, urdf()).chain.tool)
+
+
 def test_blanks_before_the_xml_declaration_do_not_move_the_lines(tmp_path):
     assert read(tmp_path, " \n\n" + urdf()).name == "oblique"
     with pytest.raises(InputError, match="line 7: link 'base_link': inertia: ixx"):

@@ -9,6 +9,8 @@ from __future__ import annotations
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
+import numpy as np
+
 from omniservo.errors import InputError
 from omniservo.files.ros_packages import RosPackages
 from omniservo.files.xml_files import XmlElement
@@ -32,6 +34,11 @@ _SETTINGS = {
 
 _NOT_WORLD = "world link"
 """the name of a link that is called ``world``"""
+
+_LEAST_MOMENT = 1e-12
+"""[kg m²] no body has less, and MuJoCo takes none of less than 10⁻¹⁴"""
+
+_MOMENTS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 _SHAPES = {"box": {"size": 3}, "cylinder": {"radius": 1, "length": 1}, "sphere": {"radius": 1}}
 
@@ -207,13 +214,18 @@ class _Urdf:
     def _inertial(self, inertial: XmlElement, clean: ET.Element) -> None:
         fields = self._fields
         mass, inertia = fields.only(inertial, "mass"), fields.only(inertial, "inertia")
-        if mass is None or inertia is None or fields.numbers(mass, "value", 1)[0] <= 0.0:
+        if mass is None or inertia is None:
             return  # MuJoCo infers it from the link's shapes
+        kilograms = fields.numbers(mass, "value", 1)
+        stated = {part: fields.numbers(inertia, part, 1) for part in _MOMENTS}
+        xx, xy, xz, yy, yz, zz = (float(values[0]) for values in stated.values())
+        least = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])[0]
+        if kilograms[0] <= 0.0 or least <= _LEAST_MOMENT:
+            return  # no body is so
         kept = ET.SubElement(clean, "inertial")
         self._origin(inertial, kept)
-        ET.SubElement(kept, "mass", value=_words(fields.numbers(mass, "value", 1)))
-        parts = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-        ET.SubElement(kept, "inertia", {part: _words(fields.numbers(inertia, part, 1)) for part in parts})
+        ET.SubElement(kept, "mass", value=_words(kilograms))
+        ET.SubElement(kept, "inertia", {part: _words(values) for part, values in stated.items()})
 
     def _shape(self, link: XmlElement, shape: XmlElement, clean: ET.Element) -> None:
         fields, place = self._fields, f"{self._fields.place(link)}: {shape.tag}"
