@@ -1,6 +1,7 @@
 """Wrong matches: found, and never taken for parallax."""
 
 import math
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -75,6 +76,23 @@ def test_half_of_two_thousand_matches_are_wrong(fisheye, make_view):
     assert 950 < found.inliers.sum() < 1100
     turn = (scene.initial_T_goal.rotation.inv() * found.initial_T_goal.rotation).magnitude()
     assert math.degrees(turn) < 0.3
+
+
+@pytest.mark.parametrize("share", [0.001, 0.3])
+def test_wrong_ones_among_ten_thousand_matches_take_no_forty_megabytes(fisheye, make_view, share):
+    """It was 133 and 58; of 100 000 matches gigabytes, and minutes."""
+    rng = np.random.default_rng(1)
+    points = rng.uniform([-0.25, -0.2, 0.4], [0.25, 0.2, 0.8], (10_000, 3))
+    scene = make_view(fisheye, points, TURN, SHIFT)
+    initial, goal, wrong = spoilt(scene, rng, 0.3, share)
+    estimate_two_view(fisheye, initial[:200], goal[:200], noise=0.3)  # loads what is compiled
+    tracemalloc.start()
+    found = estimate_two_view(fisheye, initial, goal, noise=0.3)
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert found.status == "ok", found.message
+    assert 0.99 < found.inliers.sum() / (~wrong).sum() < 1.05
+    assert most < 4e7
 
 
 def test_a_scene_with_a_wall_behind_its_target_is_a_pose(fisheye, make_view):

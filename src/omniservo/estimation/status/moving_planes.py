@@ -56,6 +56,8 @@ SHARP_PX = 0.2
 """or where nothing is stated, and it leaves less than this."""
 SAMPLES = 600
 SAMPLE = 4
+MOST_MATCHES = 3000
+"""Among so many, drawn from all where there are more, homographies are looked for."""
 ROUNDS = 3
 """So many homographies are looked for, each among what the last ones left; so often is each refined."""
 STEPS = 8
@@ -82,7 +84,7 @@ def bent_to_plane(matches: Matches, fit: TwoViewFit, kind: int, error_px: float)
     if matches.size < 2 * EIGHT_POINTS or _is_expected(matches, fit, error_px):
         return Bent(None, [])
     least = max(LEAST, math.ceil(LEAST_SHARE * matches.size))
-    best, chance, sampled = None, CHANCE, sampled_distances(matches)
+    best, chance, sampled = None, CHANCE, SampledMaps.of(matches)
     doubts, judged = [], set()
     for gate in GATES:
         for plane, cost in flat_groups(matches, sampled, gate * max(1.0, STATED * matches.noise_px), least):
@@ -109,17 +111,37 @@ def _is_expected(matches: Matches, fit: TwoViewFit, error_px: float) -> bool:
     return fit.cost < freedom * SHARP_PX**2
 
 
+class SampledMaps(NamedTuple):
+    """Homographies of four matches each; the same every time."""
+
+    maps: FloatArray
+    """(s, 3, 3)"""
+    judges: BoolArray
+    """(n,) the m matches by which they are judged"""
+    squares: FloatArray
+    """(s, m) squared distances of these [px²]"""
+
+    @classmethod
+    def of(cls, matches: Matches) -> SampledMaps:
+        """Return those of `SAMPLES` samples."""
+        judges = _judges(matches.size)
+        samples = np.flatnonzero(judges)[_samples(int(judges.sum()))]
+        maps = _homographies(matches.bearings[samples, :3], matches.bearings[samples, 3:])
+        return cls(maps, judges, squared_distances(matches.where(judges), maps))
+
+
 def flat_groups(
-    matches: Matches, sampled: FloatArray, gate: float, least: int
+    matches: Matches, sampled: SampledMaps, gate: float, least: int
 ) -> Iterator[tuple[BoolArray, float]]:
     """Yield groups (n,) of ``least`` and more within ``gate`` [px] of a homography, and its Σr² [px²].
 
-    No match belongs to two. ``sampled`` is what `sampled_distances` returns.
+    No match belongs to two.
     """
     left, distances = np.ones(matches.size, dtype=np.bool_), np.empty(matches.size)
     for _ in range(ROUNDS):
-        best = int(np.argmin(np.minimum(sampled[:, left], gate**2).sum(axis=1)))
-        near = left & (sampled[best] < gate**2)
+        squares = sampled.squares[:, left[sampled.judges]]
+        best = int(np.argmin(np.minimum(squares, gate**2).sum(axis=1)))
+        near = left & (squared_distances(matches, sampled.maps[best : best + 1])[0] < gate**2)
         cost = math.inf
         for _ in range(ROUNDS):
             if near.sum() < least:
@@ -137,20 +159,26 @@ def flat_groups(
             return
 
 
-def sampled_distances(matches: Matches) -> FloatArray:
-    """Return squared distances (s, n) [px²] of all matches to homographies of four; the same every time.
+def squared_distances(matches: Matches, maps: FloatArray) -> FloatArray:
+    """Return squared distances (s, n) [px²] of all matches to homographies (s, 3, 3).
 
     With u = b ⊗ b* and v = b* ⊗ b*, b·G b* = g·u and ‖G b*‖² = (GᵀG)·v: two products of matrices.
     """
-    samples = _samples(matches.size)
     initial, goal = matches.bearings[:, :3], matches.bearings[:, 3:]
-    maps = _homographies(initial[samples], goal[samples])
     both = (initial[:, :, None] * goal[:, None, :]).reshape(-1, 9)
     own = (goal[:, :, None] * goal[:, None, :]).reshape(-1, 9)
     along = maps.reshape(-1, 9) @ both.T
     length = np.sqrt(np.maximum((maps.transpose(0, 2, 1) @ maps).reshape(-1, 9) @ own.T, 1e-300))
     square: FloatArray = 2.0 * (1.0 - along / length) / np.square(matches.jacobians[:, :6]).sum(axis=1)
     return square
+
+
+@lru_cache(maxsize=32)
+def _judges(size: int) -> BoolArray:
+    """Return which of ``size`` matches homographies are made of, and judged by (n,)."""
+    judges = np.random.default_rng(2).permutation(size) < MOST_MATCHES
+    judges.setflags(write=False)
+    return judges
 
 
 @lru_cache(maxsize=32)

@@ -20,7 +20,7 @@ import numpy as np
 from omniservo.estimation.matches import Matches
 from omniservo.estimation.robust.members import GATE
 from omniservo.estimation.robust.two_view_fit import EIGHT_POINTS, NEARLY_ALL, SIGNIFICANCE, fit_two_views
-from omniservo.estimation.status.moving_planes import SAMPLE, flat_groups, sampled_distances
+from omniservo.estimation.status.moving_planes import SAMPLE, SampledMaps, flat_groups
 from omniservo.geometry.arrays import BoolArray, IntArray
 from omniservo.geometry.false_alarms import false_alarms
 
@@ -44,7 +44,7 @@ def second_plane(matches: Matches, inside: BoolArray) -> str:
         return ""
     rest, gate = matches.where(~inside), max(GATE_PX, GATE * matches.noise_px)
     part = math.pi * gate**2 / max(float(np.ptp(rest.pixels[:, 2:], axis=0).prod()), 1.0)
-    for group, _ in flat_groups(rest, sampled_distances(rest), gate, least):
+    for group, _ in flat_groups(rest, SampledMaps.of(rest), gate, least):
         k, r = int(group.sum()), rest.size
         if false_alarms(r, k, SAMPLE, part, max(r - SAMPLE, 1)) > SIGNIFICANCE:
             continue
