@@ -289,6 +289,8 @@ class TestWrongCalls:
         pixels = [np.array(p) for p in drawn[0]]
         pixels[3][7, 1] = np.nan
         self.says(r"image_points\[3\]: row 7: \[.*nan\] given", pixels, drawn[1])
+        pixels[3] = np.ma.masked_invalid(pixels[3])
+        self.says(r"image_points\[3\]: 1 masked entries given", pixels, drawn[1])
         self.says(r"image_points\[0\]: .* numbers \(k, 2\)", [["a"], *pixels[1:]], drawn[1])
         self.says(r"image_points\[0\]: shape \(54, 3\) given", [board(), *pixels[1:]], drawn[1])
 

@@ -5,7 +5,13 @@ import pytest
 
 from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
-from omniservo.estimation import TwoViewEstimate, estimate_two_view
+from omniservo.estimation import (
+    TwoViewEstimate,
+    estimate_known_target,
+    estimate_two_view,
+    estimate_views,
+    refine_pose,
+)
 
 
 @pytest.fixture
@@ -27,6 +33,48 @@ def pixels(make_scene):
 def test_wrong_pixels_are_named(fisheye, initial, goal, message):
     with pytest.raises(InputError, match=message):
         estimate_two_view(fisheye, initial, goal)
+
+
+def masked(array):
+    """The array with a pixel that was not found in its first row, under whose mask stands some number."""
+    pixels = np.ma.masked_array(array, mask=np.zeros(array.shape, dtype=bool), copy=True)
+    pixels[(0,) * (array.ndim - 1)] = 7.0
+    pixels[(0,) * (array.ndim - 1)] = np.ma.masked
+    return pixels
+
+
+def test_pixels_under_a_mask_are_refused_where_they_would_be_read(make_scene):
+    """NumPy hands out the numbers below; they were taken for the pixels."""
+    scene = make_scene(np.random.default_rng(61))
+    camera, points, goal = scene.camera, scene.points, scene.pixels_goal
+    both, use = np.stack([scene.pixels_initial, goal]), np.ones((2, len(points)), dtype=bool)
+    use[0, 0] = False
+    calls = (
+        lambda some: estimate_known_target(camera, points, masked(both[0]), goal, visible=some),
+        lambda some: estimate_views(camera, masked(both), visible=some),
+        lambda some: estimate_views(
+            camera, both, noise=masked(np.ones((2, len(points), 1)))[..., 0], visible=some
+        ),
+        lambda some: refine_pose(camera, points, masked(goal), scene.initial_T_goal, some[0]),
+    )
+    for call in calls:
+        with pytest.raises(InputError, match="masked entr"):
+            call(~np.zeros_like(use))
+        call(use)
+
+
+def test_a_masked_statement_of_what_is_seen_is_refused(make_scene):
+    scene = make_scene(np.random.default_rng(61))
+    camera, points, goal = scene.camera, scene.points, scene.pixels_goal
+    both = np.stack([scene.pixels_initial, goal])
+    seen = np.ma.masked_array(np.ones((2, len(points)), dtype=bool), mask=np.arange(2 * len(points)) < 1)
+    for call in (
+        lambda: estimate_known_target(camera, points, *both, visible=seen),
+        lambda: estimate_views(camera, both, visible=seen),
+        lambda: refine_pose(camera, points, goal, scene.initial_T_goal, seen[0]),
+    ):
+        with pytest.raises(InputError, match="1 masked entries given"):
+            call()
 
 
 def test_a_pixel_outside_the_domain_is_named_with_its_index(pixels):

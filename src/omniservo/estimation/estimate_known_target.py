@@ -30,7 +30,15 @@ from omniservo.estimation.status.pose_evidence import (
 from omniservo.estimation.two_view_estimate import Status, TwoViewEstimate
 from omniservo.estimation.uncertainty.camera_moves import CameraMoves
 from omniservo.estimation.uncertainty.joint_uncertainty import JointUncertainty
-from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array, finite_number, owned
+from omniservo.geometry.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    finite_array,
+    finite_number,
+    owned,
+    refuse_masked,
+)
 
 PICTURES = ("initial", "goal")
 
@@ -104,7 +112,7 @@ def estimate_known_target(
     image = unified_image(camera)
     for place, pixels in enumerate((pixels_initial, pixels_goal)):
         name = f"pixels_{PICTURES[place]}"
-        rows = np.asarray(pixels)
+        rows = np.asanyarray(pixels)  # a masked array stays one, and is refused where it is read
         if rows.shape != (n, 2):
             raise InputError(f"{name}: shape {rows.shape} given; {(n, 2)} is needed")
         use = _in_domain(camera, rows, seen[place], name) if robust else seen[place]
@@ -148,6 +156,7 @@ def _in_domain(camera: CentralModel, pixels: FloatArray, visible: BoolArray, nam
 def _checked_visible(visible: Any, n: int) -> BoolArray:
     if visible is None:
         return np.ones((2, n), dtype=np.bool_)
+    refuse_masked("visible", visible)
     seen = np.asarray(visible)
     if seen.dtype != np.bool_ or seen.shape != (2, n):
         raise InputError(f"visible: {seen.dtype} {seen.shape} given; bool {(2, n)} is needed")

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from omniservo.cameras.conversion import UnifiedImage
 from omniservo.errors import InputError
 from omniservo.field_docs import with_field_docs
-from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array, finite_number
+from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array, finite_number, refuse_masked
 from omniservo.short_repr import short_repr
 
 
@@ -58,7 +58,8 @@ class CheckedPoints:
         Raises:
             InputError: shapes, numbers that are not finite, or pixels outside the camera's domain.
         """
-        pixels = np.asarray(given.pixels)
+        pixels = np.asanyarray(given.pixels)  # a masked array stays one, and is refused where it is read
+        refuse_masked("visible", given.visible)
         if pixels.ndim != 3 or pixels.shape[2] != 2 or len(pixels) < 2:
             raise InputError(f"pixels: shape {pixels.shape} given; (v, n, 2) with v ≥ 2 is needed")
         shape = pixels.shape[:2]
@@ -90,9 +91,11 @@ class CheckedPoints:
 def _positive(name: str, values: Any, seen: BoolArray) -> FloatArray | None:
     if values is None:
         return None
-    given = np.asarray(values, dtype=np.float64)
+    given = np.asanyarray(values, dtype=np.float64)
     if given.shape != seen.shape:
         raise InputError(f"{name}: shape {given.shape} given; {seen.shape} is needed, one for each pixel")
+    refuse_masked(name, given[seen])
+    given = np.asarray(given)
     bad = seen & ~(np.isfinite(given) & (given > 0.0))
     if bad.any():
         raise InputError(f"{name}: {given[bad][0]:g} given; legal: > 0 [px], finite")

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from omniservo.errors import InputError, spelled
-from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray, finite_number
+from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray, finite_number, refuse_masked
 
 _LARGEST_IMAGE = 100_000
 _LARGEST_VIEWS = 10_000
@@ -141,6 +141,7 @@ def flatness(points: FloatArray) -> tuple[FloatArray, FloatArray, bool]:
 
 def _rows(name: str, value: npt.ArrayLike, width: int) -> FloatArray:
     """Return (k, width) floats; a NaN is refused with its row."""
+    refuse_masked(name, value)
     try:
         array = np.asarray(value)
         if array.dtype.kind not in "fiu":

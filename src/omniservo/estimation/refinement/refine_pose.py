@@ -12,7 +12,7 @@ from omniservo.cameras.models import CentralModel
 from omniservo.errors import InputError
 from omniservo.estimation.refinement.pose_refinement import pose_covariance, refine_pose_kernel
 from omniservo.field_docs import with_field_docs
-from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array, owned
+from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array, owned, refuse_masked
 from omniservo.geometry.quaternions import matrix_from_quaternion, quaternion_from_matrix
 
 
@@ -56,14 +56,17 @@ def refine_pose(
         InputError: wrong shapes, or a number that is not finite in a row that is valid.
     """
     model = finite_array("points", points, (None, 3))
+    refuse_masked("valid", valid)
     use = np.ones(len(model), dtype=np.bool_) if valid is None else np.asarray(valid)
     if use.shape != (len(model),) or use.dtype != np.bool_:
         raise InputError(f"valid: {use.dtype} {use.shape} given; bool ({len(model)},) is needed")
-    seen = np.asarray(pixels, dtype=np.float64)
+    seen = np.asanyarray(pixels, dtype=np.float64)  # a masked array stays one, and is refused
     if seen.shape != (len(model), 2):
         raise InputError(f"pixels: shape {seen.shape} given; {(len(model), 2)} is needed")
     finite_array("pixels (valid rows)", seen[use], (None, 2))
-    matrix, rms, covariance = refined_matrix(camera, model, seen, reference_T_camera.as_matrix(), use)
+    matrix, rms, covariance = refined_matrix(
+        camera, model, np.asarray(seen), reference_T_camera.as_matrix(), use
+    )
     # without SciPy's checks, which take longer than the refinement
     pose = None if matrix is None else RigidTransform(matrix, normalize=False)
     return PoseRefinement(pose, rms, owned(covariance), matrix is not None)
