@@ -88,11 +88,12 @@ def measure(image: ByteArray, starts: FloatArray, noise: float, options: DotOpti
         measure_blobs(np.ascontiguousarray(image), starts, float(options.max_diameter), rows)
     rows = rows[_is_dot(rows, max(noise, 0.5), options)]
     rows = rows[np.argsort(rows[:, MISFIT], kind="stable")]
-    kept: list[int] = []
-    for i, row in enumerate(rows):
-        reach = 0.5 * np.sqrt(row[AREA])
-        if all(np.hypot(row[U] - rows[k, U], row[V] - rows[k, V]) > reach for k in kept):
+    reach, kept = 0.25 * rows[:, AREA], []
+    free = np.ones(len(rows), dtype=np.bool_)
+    for i, (u, v) in enumerate(rows[:, (U, V)]):
+        if free[i]:
             kept.append(i)
+            free &= (rows[:, U] - u) ** 2 + (rows[:, V] - v) ** 2 > reach
     rows = rows[kept]
     return np.asarray(rows[np.lexsort((rows[:, U], rows[:, V]))])
 
