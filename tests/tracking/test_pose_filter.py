@@ -98,6 +98,37 @@ def test_the_update_is_the_least_squares_of_prediction_and_image():
     np.testing.assert_allclose(covariance, np.linalg.inv(best.jac.T @ best.jac), rtol=1e-3, atol=5e-10)
 
 
+def test_an_image_of_an_uncertain_stamp_draws_less_along_the_flow_than_across():
+    """Against SciPy's least squares, the pixels whitened by σ² 1 + (flow σₜ)(flow σₜ)ᵀ."""
+    rng = np.random.default_rng(4)
+    seen = bent_path()(0.4)
+    pixels = Loop(FISHEYE, pose=seen).look() + 0.3 * rng.standard_normal((9, 2))
+    fit = refine_pose(FISHEYE, FRONT, pixels, seen).reference_T_camera
+    stamp = 2e-2 * np.array([0.05, -0.12, 0.2, 0.3, -0.2, 0.1])
+    prediction = moved(fit, [1e-3, -2e-3, 1e-3, 2e-3, 1e-3, -1e-3])
+    prior = np.diag([2e-6, 1e-6, 3e-6, 1e-6, 2e-6, 4e-6])
+    values, covariance = row(prediction), prior.copy()
+    estimate, everything = (values, covariance, np.zeros(2)), np.ones(9, bool)
+    correct_state(FISHEYE.parameters, FRONT, pixels, everything, row(prediction), stamp, estimate)
+    found = pose_of(values)
+
+    def residuals(pose):
+        return (FISHEYE.project(pose.inv().apply(FRONT))[0] - pixels).ravel()
+
+    along = np.concatenate((found.rotation.apply(stamp[:3]), stamp[3:]))
+    flow = (residuals(moved(found, 1e-2 * along)) - residuals(moved(found, -1e-2 * along))) / 2e-2
+    variance = wider(12) * np.mean(residuals(prediction) ** 2) * 18 / 12
+    white = np.linalg.inv(np.linalg.cholesky(variance * np.eye(18) + np.outer(flow, flow)))
+    root = np.linalg.inv(np.linalg.cholesky(prior))
+
+    def both(step):
+        pose = moved(prediction, step)
+        return np.concatenate((root @ gap(prediction, pose), white @ residuals(pose)))
+
+    best = least_squares(both, np.zeros(6), x_scale=1e-3, xtol=1e-14, ftol=1e-14, gtol=1e-14)
+    np.testing.assert_allclose(gap(prediction, found), best.x, atol=5e-6)
+
+
 def test_an_uncertain_stamp_is_pixel_noise_along_every_points_flow():
     """Against generalised least squares of the pixels with covariance σ² 1 + (flow σₜ)(flow σₜ)ᵀ."""
     rng = np.random.default_rng(3)

@@ -42,6 +42,14 @@ def test_it_comes_to_rest_on_the_way_and_goes_on_from_there_without_a_jump():
     np.testing.assert_array_equal(way.pose(1.5), reference().pose(1.5))
 
 
+def test_it_can_go_on_before_it_began_to_slow_down():
+    way = reference()
+    way.slow_down(1.5, 0.4)
+    way.go_on(1.4, 0.5)
+    for time in (1.3, 1.5, 2.5):
+        np.testing.assert_allclose(way.pose(time), reference().pose(time), atol=1e-12)
+
+
 def test_how_far_off_the_path_it_may_be_counts_from_where_it_was_seen():
     tracker, _ = followed(1.5)
     seen = tracker.legs[0].path(LAW(tracker.report.time)[0]).translation
