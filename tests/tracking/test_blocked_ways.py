@@ -40,6 +40,15 @@ def test_a_blocked_way_stays_blocked_at_every_later_look():
     assert len(tracker.legs) == 1
 
 
+def test_what_is_gone_next_is_proven_too_though_a_later_part_of_the_way_is_free():
+    tracker, replanner = following(options=ReplanOptions(ahead=0.5))
+    soon, then = (reference(tracker, time)[0].translation for time in (1.1, 1.4))
+    ball = Sphere(soon, 0.2 * float(np.linalg.norm(then - soon)), clearance=1e-4)
+    replanner.set_obstacles([ball])
+    with pytest.raises(Blocked, match="before another way could be taken up"):
+        replanner.look(1.0)
+
+
 def test_it_stays_blocked_while_other_things_are_said_until_a_way_is_found():
     tracker, replanner = following()
     ball = ahead_of(tracker, 1.05)
