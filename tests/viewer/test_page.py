@@ -16,7 +16,7 @@ from websockets.sync.client import connect
 
 from omniservo.cameras import preset
 from omniservo.errors import InputError, OmniservoError
-from omniservo.planning import Capsule, PlanningProblem, plan_path
+from omniservo.planning import Capsule, PlanningProblem, Sphere, plan_path
 from omniservo.planning.obstacles.obstacle import KINDS
 from omniservo.verification import verify_plan
 from omniservo.viewer.along_path import curves_of
@@ -62,6 +62,27 @@ def test_an_obstacle_of_every_kind_can_be_added_and_deleted(page, kind):
     assert answer.verdict == "certified"
     page.edit(lambda situation: situation.without(1))
     assert len(settled(page, answer.number).situation.problem.obstacles) == 1
+
+
+def test_a_number_typed_for_an_obstacle_that_was_deleted_changes_nothing(page, monkeypatch):
+    fields = page.server.gui._gui_input_handle_from_uuid.values()
+    (field,) = (f for f in fields if getattr(f, "label", "") == "half_extents")
+    (typed,) = field._impl.update_cb
+    number, refused = page.answer.number, []
+    monkeypatch.setattr(page, "_refused", refused.append)
+    event = SimpleNamespace(client=1, target=SimpleNamespace(value=(0.1, 0.1, 0.1)))
+    changes = {
+        (): lambda situation: situation.without(0),
+        (Sphere,): lambda situation: situation.with_added(new_obstacle("sphere", situation)),
+    }
+    for kinds, change in changes.items():
+        page.edit(change)
+        asyncio.run(typed(event))
+        page.replan()  # what was refused has no answer
+        answer = settled(page, number)
+        assert tuple(map(type, answer.situation.problem.obstacles)) == kinds
+        number = answer.number
+    assert refused == []
 
 
 def test_a_moved_handle_is_planned_for_and_the_plan_passes_the_independent_check(page):

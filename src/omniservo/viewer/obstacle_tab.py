@@ -93,12 +93,14 @@ class ObstacleTab:
                 field = self._gui.add_number(name, value, step=0.001, hint=hint)
             else:
                 continue  # quaternions, and the points of meshes and clouds
-            self._on(field.on_update, lambda event, attribute=attribute: self._set(i, attribute, event))
+            place = i, kind_of(obstacle), attribute
+            self._on(field.on_update, lambda event, place=place: self._set(place, event))
             yield attribute, field
 
-    def _set(self, i: int, attribute: str, event: Any) -> None:
+    def _set(self, place: tuple[int, str, str], event: Any) -> None:
         if event.client is None:  # what `follow` has set
             return
+        i, kind, attribute = place
         value = event.target.value
         if attribute == "normal":
             value = np.array(value) / max(float(np.linalg.norm(value)), 1e-12)
@@ -106,7 +108,10 @@ class ObstacleTab:
             value = None
 
         def change(situation: Situation) -> Situation:
-            obstacle = situation.problem.obstacles[i]
+            obstacles = situation.problem.obstacles
+            if i >= len(obstacles) or kind_of(obstacles[i]) != kind:
+                return situation  # it was deleted before its fields were
+            obstacle = obstacles[i]
             return situation.with_obstacle(i, replace(obstacle, **{attribute: value}))
 
         self._page.edit(change)
