@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from scipy.spatial import KDTree
 from scipy.special import bdtrc, fdtri
 
 from omniservo.estimation.matches import Matches
@@ -96,7 +97,6 @@ def _alike(fit: TwoViewFit, matches: Matches, gate: float, largest: float) -> st
     )
 
 
-@kernel
 def count_alike(
     matches: Matches, members: BoolArray, rotation: FloatArray, translation: FloatArray, gate: float
 ) -> tuple[int, int]:
@@ -104,18 +104,14 @@ def count_alike(
     essential, distances = np.empty((3, 3)), np.empty(members.shape[0])
     essential_matrix(rotation, translation, essential)
     sampson_distances(matches.bearings, matches.jacobians, essential, distances)
-    places = np.flatnonzero(~members & (np.abs(distances) > gate))
-    pixels, alike = matches.pixels, 0
-    for j in places:
-        nearest, least = -1, math.inf
-        for k in places:
-            apart = (pixels[j, 0] - pixels[k, 0]) ** 2 + (pixels[j, 1] - pixels[k, 1]) ** 2
-            if k != j and apart < least:
-                nearest, least = int(k), apart
-        if nearest >= 0:
-            ratio = distances[j] / distances[nearest]
-            alike += 0.5 < ratio < 2.0
-    return alike, places.shape[0]
+    beyond = ~members & (np.abs(distances) > gate)
+    places, distances = matches.pixels[beyond, :2], distances[beyond]
+    if len(places) < 2:
+        return 0, len(places)
+    nearest = np.asarray(KDTree(places).query(places, k=2)[1])
+    is_itself = nearest[:, 0] == np.arange(len(places))
+    ratio = distances / distances[np.where(is_itself, nearest[:, 1], nearest[:, 0])]
+    return int(np.count_nonzero((ratio > 0.5) & (ratio < 2.0))), len(places)
 
 
 @kernel
