@@ -28,6 +28,7 @@ def test_it_finds_the_path_that_numpy_finds(name: str, index: int) -> None:
     assert attempt.claimed == (sampled_value(one, path) > 0.0)
 
 
+@pytest.mark.slow
 def test_it_stops_where_g_is_positive_and_claims_no_more() -> None:
     claims = {solve(one, neutral_of(one), 1.0).claimed for one in (problem("fisheye", 0), problem("wall", 0))}
     assert claims == {True, False}

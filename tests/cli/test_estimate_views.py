@@ -132,6 +132,7 @@ def test_tags_give_the_scale_by_their_size_by_a_length_and_by_a_target(tmp_path,
     assert found.size_sigma < 0.01
 
 
+@pytest.mark.slow
 def test_several_tags_of_one_size_tell_the_scale_better_than_one(tags):
     options = {"features": "tags", "dictionary": "tag36h11"}
     one = estimate_many_images(CAMERA, tags, **options, scale=ImageScale(length=(0, 1, EDGE)))

@@ -87,6 +87,7 @@ def copied(tmp_path):
     return to
 
 
+@pytest.mark.slow
 def test_three_processes_that_compile_at_once_into_one_empty_folder_all_compute_the_same(tmp_path):
     started = [start(order, tmp_path) for order in (1, -1, 1)]
     assert [process.stdout.readline() for process in started] == ["ready\n"] * 3
@@ -129,6 +130,7 @@ print(watch.compiled, *roots[:count].round(9))
 """
 
 
+@pytest.mark.slow
 def test_a_callee_is_called_in_place_of_linked_and_where_its_file_is_gone_the_caller_is_compiled_again(
     tmp_path,
 ):
@@ -153,6 +155,7 @@ def test_a_callee_is_called_in_place_of_linked_and_where_its_file_is_gone_the_ca
     assert compiled() == 0
 
 
+@pytest.mark.slow
 def test_what_is_edited_while_a_process_runs_is_not_kept_by_it(tmp_path, copied):
     process = start(1, tmp_path, copied.parent)
     assert process.stdout.readline() == "ready\n"

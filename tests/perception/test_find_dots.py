@@ -119,6 +119,7 @@ def test_two_dots_four_pixels_apart_are_both_found():
     assert np.linalg.norm(dots.pixels[:, None] - true, axis=2).min(1).max() < 0.1
 
 
+@pytest.mark.slow
 def test_three_thousand_dots_are_found_in_seconds():
     """Each was compared with every other one in Python: 2400 took ten seconds, 10 000 minutes."""
     v, u = np.mgrid[:1500, :1500]

@@ -71,6 +71,7 @@ def test_a_run_that_looks_again_does_so_with_the_camera_s_own_model(tmp_path):
     assert look.after.goal_m < 0.1 * look.before.goal_m
 
 
+@pytest.mark.slow
 def test_a_taught_goal_keeps_the_camera_as_it_is(tmp_path):
     lens = PUBLISHED["RealSense T265, fisheye"]
     task = load_task(PAPER, camera=lens)

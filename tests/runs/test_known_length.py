@@ -72,6 +72,7 @@ def displacement(view):
     return np.linalg.norm((camera_T_target(0) * camera_T_target(view).inv()).translation)
 
 
+@pytest.mark.slow
 def test_dots_keep_their_numbers_where_another_image_lacks_one(tmp_path, images):
     """They were counted among those that are matched: the camera moved by 44 mm, and not 80."""
     pictures, points = images

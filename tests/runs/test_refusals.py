@@ -136,6 +136,7 @@ def test_a_tag_is_hidden_where_half_of_it_is(tmp_path):
         taught(load_task(written(tmp_path, document)))
 
 
+@pytest.mark.slow
 def test_one_tag_of_known_size_is_enough_to_teach(tmp_path):
     document = copy.deepcopy(shipped("panda-table"))
     document["target"]["tags"]["panels"] = document["target"]["tags"]["panels"][:1]

@@ -57,6 +57,7 @@ def test_it_goes_round_without_stopping_and_converges(gone_round):
     assert {row.leg for row in rows} == {0, 1}
 
 
+@pytest.mark.slow
 def test_every_link_keeps_its_clearance_from_where_the_panel_was_and_is(gone_round):
     gaps, moved = true_gaps(gone_round)
     assert gaps.min() >= gone_round.task.planning.arm_clearance
@@ -65,11 +66,13 @@ def test_every_link_keeps_its_clearance_from_where_the_panel_was_and_is(gone_rou
     assert not moved.all()
 
 
+@pytest.mark.slow
 def test_the_first_plan_would_have_led_through_the_panel(gone_round):
     known = gone_round.task.known_obstacles(np.inf)[0].obstacle
     assert known.distance(gone_round.plan.path.positions(np.linspace(0, 1, 201))).min() < 0.0
 
 
+@pytest.mark.slow
 def test_commands_do_not_jump_where_the_other_way_is_taken_up(gone_round):
     metrics, log = gone_round.metrics, gone_round.log
     assert metrics["replanning_twist_jump"] < 1e-8
@@ -82,6 +85,7 @@ def test_commands_do_not_jump_where_the_other_way_is_taken_up(gone_round):
     assert steps.max() <= 0.5 * scene_of_task(gone_round.task).arm.joint_acceleration.min()
 
 
+@pytest.mark.slow
 def test_both_plans_are_verified_independently(gone_round):
     for plan in (gone_round.plan, gone_round.replannings[0].plan):
         assert verify_plan(plan).status == "certified"

@@ -54,6 +54,7 @@ def test_a_run_among_a_cloud_keeps_every_link_off_what_the_cloud_was_seen_of(run
     assert metrics["clearance_executed_m"] == pytest.approx(nearest - 0.001, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_a_cloud_is_drawn_as_some_of_its_points_and_has_one_name_in_all_that_is_told(run):
     drawing = path_3d(run)
     assert "Dots: points of clouds" in drawing.caption

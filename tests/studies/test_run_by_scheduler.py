@@ -48,6 +48,7 @@ def test_parts_of_workers_with_another_version_are_not_written(study, cluster, t
     assert not list((tmp_path / "rows" / "parts").iterdir())
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_what_fails_on_a_worker_is_named(study, cluster, tmp_path):
     work = PartWork(study.to_json(), PACKAGE)

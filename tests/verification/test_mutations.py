@@ -19,6 +19,7 @@ def cases():
     return found
 
 
+@pytest.mark.slow
 def test_no_false_plan_is_accepted(cases):
     rng = np.random.default_rng(11)
     kinds = set()
