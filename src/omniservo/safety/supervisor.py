@@ -38,6 +38,11 @@ from omniservo.safety.stoppable import Stoppable
 TICK = 5e-3
 """The moving robot is checked, and its velocity ramped towards the command, so often [s]."""
 
+_LATE = 1.5 * TICK
+"""[s] A tick of braking that comes later than this brakes for all the time that has passed: joints that are
+led down too slowly turn further than is kept free for it. Ticks as late as a computer's usually are do not,
+so that the drives, which lag, are nearly at rest when they are let go of."""
+
 _ROUNDING = 1e-9
 """[s] of clocks"""
 
@@ -284,6 +289,7 @@ class Supervisor:
         """
         self.stopped = self.stopped or reason
         self._target, self._carried = np.zeros(self.arm.dof), None
+        self._sent_time = self._link.now  # what was held until now is not braked for at one stroke
         # After a silence of this program the arm may rest by its own watchdog: it is not led from there.
         obeys = not isinstance(reason, ProtectiveStop | NotInControl)
         try:
@@ -321,8 +327,9 @@ class Supervisor:
         with suppress(ServoStop):
             if self._seen_state().mode is not ArmMode.READY:
                 return False
-        passed = self._link.now - self._sent_time  # a late tick brakes for all of it: the way is counted
-        elapsed = min(passed, self.options.reaction) if passed > 0.0 else TICK
+        passed = self._link.now - self._sent_time
+        in_time = not 0.0 < passed < TICK and not passed > _LATE  # also where the clock says nothing
+        elapsed = TICK if in_time else min(passed, self.options.reaction)
         self._sent_time = self._link.now
         self._sent = braked(self._sent, self.arm.joint_acceleration * elapsed)
         self._link.command(self._sent)
