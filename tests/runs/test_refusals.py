@@ -208,3 +208,11 @@ def test_a_task_that_is_refused_at_planning_is_drawn_beside_its_folder(capsys, t
     picture = np.asarray(Image.open(drawn).convert("RGB")).astype(int)
     red = (picture[..., 0] > 150) & (picture[..., 1] < 60) & (picture[..., 2] < 80)
     assert red.sum() > 50  # what keeps too little is marked
+
+
+def test_an_arm_that_stands_where_the_goal_was_taught_is_told_so(tmp_path, document):
+    document["scale"] = {"odometry": True}
+    task = load_task(written(tmp_path, document))
+    goal = replace(taught(task), joints=SimulatedCell(task).scene.start_joints)
+    with pytest.raises(InputError, match="0 mm from where the goal was taught: it stands there already"):
+        run_task(task, SimulatedCell, goal=goal)

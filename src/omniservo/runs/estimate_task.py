@@ -18,6 +18,9 @@ from omniservo.tasks import Task, TaughtGoal
 TwoViewScale = float | tuple[tuple[int, int], float]
 """As `estimate_two_view` takes it."""
 
+_LEAST_DISPLACEMENT = 1e-5
+"""[m] No arm knows a shorter one."""
+
 
 def estimate_task(
     task: Task, scene: Scene, seen: Seen, goal: TaughtGoal, joints: FloatArray
@@ -106,4 +109,10 @@ def _scale(task: Task, scene: Scene, seen: Seen, goal: TaughtGoal, joints: Float
     if goal.joints is None:
         raise InputError("scale.odometry: the taught goal holds no joints; give a displacement or a length")
     moved = scene.world_T_camera(goal.joints).translation - scene.world_T_camera(joints).translation
-    return float(np.linalg.norm(moved))
+    distance = float(np.linalg.norm(moved))
+    if distance < _LEAST_DISPLACEMENT:
+        raise InputError(
+            f"scale.odometry: by the arm's joints the camera is {1e3 * distance:.2g} mm from where the goal"
+            " was taught: it stands there already, or turns without moving, which shows no depth"
+        )
+    return distance
