@@ -172,6 +172,30 @@ def test_a_second_of_silence_in_mid_motion_is_waited_for_and_the_goal_is_reached
     assert run.controller.report.w == pytest.approx(1.0, abs=1e-6)
 
 
+def late(drive):
+    """Let images come every 0.08 s, 0.14 s after their exposure; every fifth is lost."""
+    kept, line = [], drive.line
+
+    def image():
+        newest = line._written.image()
+        if newest is not None and (not kept or newest.time > kept[-1].time + 0.08 - 1e-6):
+            kept.append(newest)
+        shown = [
+            each for k, each in enumerate(kept) if k % 5 != 4 and each.time <= line._written.robot.time - 0.14
+        ]
+        line._held = shown[-1] if shown else None
+        return line._held
+
+    line.image = image
+
+
+def test_an_image_too_old_before_a_late_one_would_be_missing_is_waited_for_and_ends_nothing(drive):
+    run = drive(prepare=late, until=40.0)
+    assert run.stop is None
+    assert len(run.waits) > 5
+    assert run.off_path() < ROOM
+
+
 def test_an_arm_stands_whatever_is_raised_by_who_is_told_that_it_waits(drive, written):
     def told(run):
         run.waits = SimpleNamespace(append=lambda waiting: 1 / 0)

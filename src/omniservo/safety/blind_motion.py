@@ -30,6 +30,10 @@ RENEWED = 0.01
 STANDS_BEFORE = 0.05
 """The robot is led to rest so long before the newest image is too old to be acted on [s]."""
 
+TOO_OLD_SOON = 0.02
+"""Whatever the camera's period, the robot is slowed down so long before the newest image is too old [s]: of
+images that are late, the next one may come only then, and moving on would be refused for good."""
+
 BRAKING = 2.0
 """Slowing down takes so many times of what the joints need to brake: its steepest asks 3/4 of that of them;
 the rest is for the path's bends."""
@@ -156,6 +160,8 @@ class BlindMotion:
     def _overdue(self, now: float, waited: float) -> bool:
         """Return whether to slow down after so long without an image [s]."""
         period = self._delays.period
+        if now - self._exposed > self._options.image_age - TOO_OLD_SOON:
+            return True
         if np.isnan(period):  # after the first image
             age = self._options.image_age
             return waited > 0.5 * age and now - self._exposed > age - STANDS_BEFORE
