@@ -139,7 +139,7 @@ def _wrong_call(error: Exception) -> str:
     """Return in one line what typer says of a wrong call; another error is a defect, and raised."""
     if not hasattr(error, "format_message"):
         raise error
-    said = " ".join(error.format_message().split()).replace("Value error, ", "").removesuffix(".")
+    said = " ".join(error.format_message().split()).removesuffix(".")
     called = getattr(getattr(error, "ctx", None), "command_path", "omniservo")
     return f"{said or 'a command is missing'}; see {called} --help"
 

@@ -30,9 +30,9 @@ RENEWED = 0.01
 STANDS_BEFORE = 0.05
 """The robot is led to rest so long before the newest image is too old to be acted on [s]."""
 
-TOO_OLD_SOON = 0.02
-"""Whatever the camera's period, the robot is slowed down so long before the newest image is too old [s]: of
-images that are late, the next one may come only then, and moving on would be refused for good."""
+BEGINS_BEFORE = 0.02
+"""Slowing down begins at the latest so long before the newest image is too old [s], whatever the camera's
+period: the next one of images that are late may come only then, and moving on would be refused for good."""
 
 BRAKING = 2.0
 """Slowing down takes so many times of what the joints need to brake: its steepest asks 3/4 of that of them;
@@ -160,7 +160,7 @@ class BlindMotion:
     def _overdue(self, now: float, waited: float) -> bool:
         """Return whether to slow down after so long without an image [s]."""
         period = self._delays.period
-        if now - self._exposed > self._options.image_age - TOO_OLD_SOON:
+        if now - self._exposed > self._options.image_age - BEGINS_BEFORE:
             return True
         if np.isnan(period):  # after the first image
             age = self._options.image_age

@@ -328,8 +328,9 @@ class Supervisor:
             if self._seen_state().mode is not ArmMode.READY:
                 return False
         passed = self._link.now - self._sent_time
-        in_time = not 0.0 < passed < TICK and not passed > _LATE  # also where the clock says nothing
-        elapsed = TICK if in_time else min(passed, self.options.reaction)
+        elapsed = TICK  # also where the clock says nothing
+        if 0.0 < passed < TICK or passed > _LATE:
+            elapsed = min(passed, self.options.reaction)
         self._sent_time = self._link.now
         self._sent = braked(self._sent, self.arm.joint_acceleration * elapsed)
         self._link.command(self._sent)
