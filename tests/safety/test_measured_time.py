@@ -56,6 +56,17 @@ def test_a_process_that_slept_while_it_braked_does_not_go_on_braking_from_where_
     assert (len(written.commands), written.stops) == (count + 1, 1)
 
 
+def test_what_was_held_before_braking_is_not_braked_for_at_one_stroke(on_clock, written, arm):
+    supervisor, fast = on_clock(), np.array([1.5, 0.0, 0.0, 0.0, 0.0, 3.0])
+    supervisor.command(fast)
+    supervisor.wait(0.3)
+    written.advance(0.05)
+    count = len(written.commands)
+    supervisor.stop()
+    held, first = (np.asarray(written.commands[k][1]) for k in (count - 1, count))
+    assert (np.abs(held - first) < arm.joint_acceleration * TICK + 1e-6).all()
+
+
 @pytest.mark.parametrize("late", [0.0, 0.01, 0.04])  # [s] at every tick: within the reaction time
 def test_joints_brake_within_their_stopping_distance_however_late_the_ticks_of_braking_are(
     on_clock, written, arm, late
