@@ -53,6 +53,17 @@ def solve_factored(factor: FloatArray, size: int, vector: FloatArray) -> None:
 
 
 @kernel
+def invert_factored(factor: FloatArray, inverse: FloatArray) -> None:
+    """Write the inverse (n, n) of L Lᵀ, L from :func:`factor_cholesky`."""
+    column = np.empty(len(inverse))
+    for k in range(len(inverse)):
+        column[:] = 0.0
+        column[k] = 1.0
+        solve_factored(factor, len(inverse), column)
+        inverse[:, k] = column
+
+
+@kernel
 def symmetric_eigen(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the eigenvalues (m,), ascending, and eigenvectors (m, m), one a column, of a symmetric matrix.
 

@@ -15,7 +15,7 @@ from scipy.special import chdtri, fdtri
 from omniservo.estimation.refinement.pose_refinement import PoseEquations, normal_equations, pose_cost
 from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.geometry.kernel import kernel, leaf
-from omniservo.geometry.linear_systems import factor_cholesky, solve_factored
+from omniservo.geometry.linear_systems import factor_cholesky, invert_factored, solve_factored
 from omniservo.geometry.quaternions import matrix_from_quaternion, turn_quaternion
 
 UNPLANNED_SPEED = 0.01
@@ -212,15 +212,10 @@ def _pixel_variance(residuals: FloatArray, cost: float, degrees: float) -> float
 @kernel
 def _invert(matrix: FloatArray, inverse: FloatArray) -> bool:
     """Write the inverse of a symmetric matrix (6, 6); False, with nothing written, where it is singular."""
-    factor, column = matrix.copy(), np.empty(6)
+    factor = matrix.copy()
     if not factor_cholesky(factor, 6, LEAST_PIVOT):
         return False
-    for k in range(6):
-        for i in range(6):
-            column[i] = 1.0 if i == k else 0.0
-        solve_factored(factor, 6, column)
-        for i in range(6):
-            inverse[i, k] = column[i]
+    invert_factored(factor, inverse)
     for i in range(6):
         for k in range(i):
             inverse[i, k] = inverse[k, i] = 0.5 * (inverse[i, k] + inverse[k, i])

@@ -8,7 +8,7 @@ import numpy as np
 from omniservo.cameras.unified_kernels import project_point, project_point_jacobian
 from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.geometry.kernel import kernel, leaf
-from omniservo.geometry.linear_systems import factor_cholesky, solve_factored
+from omniservo.geometry.linear_systems import factor_cholesky, invert_factored, solve_factored
 from omniservo.geometry.matrix_products import times, transposed_times
 from omniservo.geometry.quaternions import matrix_from_quaternion, turn_quaternion
 
@@ -263,15 +263,9 @@ def inverse_information(
     covariance: FloatArray,
 ) -> float:
     """Write (JᵀWJ)⁻¹ (6, 6) of (dt, δ), for residuals of variance 1; return the cost, or infinity."""
-    normal, column = np.empty((6, 6)), np.empty(6)
-    equations = PoseEquations(normal, column)
+    equations = PoseEquations(np.empty((6, 6)), np.empty(6))
     cost = normal_equations(parameters, points, pixels, weights, math.inf, q, t, equations)
-    if not (cost < math.inf and factor_cholesky(normal, 6, LEAST_PIVOT)):
+    if not (cost < math.inf and factor_cholesky(equations.normal, 6, LEAST_PIVOT)):
         return math.inf
-    for k in range(6):
-        for i in range(6):
-            column[i] = 1.0 if i == k else 0.0
-        solve_factored(normal, 6, column)
-        for i in range(6):
-            covariance[i, k] = column[i]
+    invert_factored(equations.normal, covariance)
     return cost
