@@ -103,6 +103,10 @@ class FaultyArm:
         self.refuse()
 
     def close(self):
+        """Note how fast it is once its drives have done what they were sent last, if they ever come to rest."""
+        end = time.monotonic() + 0.5
+        while np.abs(self.robot.read().joint_velocities).max() > 1e-3 and time.monotonic() < end:
+            time.sleep(2e-3)
         self.note("close", self.robot.read().joint_velocities)
         self.robot.close()
         self.log.close()

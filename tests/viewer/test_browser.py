@@ -32,7 +32,9 @@ def test_keys_go_along_the_path_play_it_and_move_the_goal(page, opened):
     for key, w in (("1", 1.0), ("j", 0.98), ("0", 0.0), ("l", 0.02)):
         press(key)
         assert becomes(mouse.window, lambda wanted=w: playback.w == pytest.approx(wanted)), key
-    mouse.window.get_by_role("slider").first.focus()
+    slider = mouse.window.get_by_role("slider").first
+    assert becomes(mouse.window, lambda: float(slider.get_attribute("aria-valuenow")) == pytest.approx(0.02))
+    slider.focus()
     press("ArrowRight")
     assert becomes(mouse.window, lambda: playback.w == pytest.approx(0.021))  # a slider's own step
     mouse.window.locator("body").click(position={"x": 5, "y": 425})
