@@ -103,7 +103,7 @@ class FaultyArm:
         self.refuse()
 
     def close(self):
-        """Note how fast it is once its drives have done what they were sent last, if they ever come to rest."""
+        """Note how fast it is once its drives have done what they were sent last, if they ever do."""
         end = time.monotonic() + 0.5
         while np.abs(self.robot.read().joint_velocities).max() > 1e-3 and time.monotonic() < end:
             time.sleep(2e-3)
