@@ -54,11 +54,41 @@ def test_nodes_move_what_they_hold(tmp_path):
     assert found.shape == (4, 3, 3)
     own = np.array([[0, 0, 0], [2, 0, 0], [0, 0, 5]], dtype=float)
     turned = np.stack([1.0 - own[:, 1], own[:, 0], own[:, 2]], axis=1)
-    np.testing.assert_allclose(found[0], turned * [1, 1, 2], atol=1e-12)
-    np.testing.assert_allclose(found[2], turned, atol=1e-12)
+    np.testing.assert_allclose(found[0], turned, atol=1e-12)
+    np.testing.assert_allclose(found[2], turned * [1, 1, 2], atol=1e-12)
     matrix = "<matrix>0 -1 0 1  1 0 0 0  0 0 1 0  0 0 0 1</matrix>"
     found = read(tmp_path, document(node=matrix + '<instance_geometry url="#g"/>', unit="1"))
     np.testing.assert_allclose(found[0], turned, atol=1e-12)
+
+
+SHOWN = '<instance_node url="#n{}"/>'
+
+
+def library(nodes, text):
+    return text.replace("<library_visual", f"<library_nodes>{nodes}</library_nodes><library_visual", 1)
+
+
+def test_nodes_of_a_library_are_shown_where_they_are_named(tmp_path):
+    inner = '<node><scale>1 1 2</scale><instance_geometry url="#g"/></node>'
+    named = f'<node id="n"><translate>1 0 0</translate>{inner}</node>'
+    text = document(node='<translate>0 5 0</translate><instance_node url="#n"/>', unit="1")
+    own = np.array([[0, 0, 0], [2, 0, 0], [0, 0, 5]], dtype=float)
+    np.testing.assert_allclose(read(tmp_path, library(named, text))[0], own * [1, 1, 2] + [1, 5, 0])
+
+
+@pytest.mark.parametrize(
+    "nodes",
+    [
+        '<node id="n"><instance_node url="#n"/></node>',
+        '<node id="n">' + '<instance_node url="#n"/>' * 1000 + "</node>",
+        "".join(f'<node id="n{k or ""}">{SHOWN.format(k + 1) * 9}</node>' for k in range(9))
+        + '<node id="n9"/>',
+    ],
+)
+def test_nodes_that_show_themselves_or_each_other_are_bounded(tmp_path, nodes):
+    text = document(node='<instance_node url="#n"/>')
+    with pytest.raises(InputError, match="more than 100000 nodes, or one that shows itself"):
+        read(tmp_path, library(nodes, text))
 
 
 def test_vertices_begin_at_the_offset_of_their_accessor(tmp_path):

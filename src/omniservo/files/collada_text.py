@@ -19,6 +19,9 @@ _OF_ACCESSORS = (("stride", "1"), ("offset", "0"))
 _MOST_TRIANGLES = 2_000_000
 """of a scene, counting what it shows several times"""
 
+_MOST_NODES = 100_000
+"""likewise: nodes that show others, twice each, many times over"""
+
 
 def collada_triangles(text: str) -> tuple[FloatArray, IntArray]:
     """Return vertices (v, 3) [m] and triangles (f, 3) of a document's scene; without a scene, of all it has.
@@ -27,7 +30,7 @@ def collada_triangles(text: str) -> tuple[FloatArray, IntArray]:
     are those of the link. Polygons are cut as fans. Colours, lines and animations are not read.
 
     Raises:
-        ValueError: no such document, or a part that is not read: strips, skeletons, nodes of a library.
+        ValueError: no such document, or a part that is not read: strips, skeletons.
         KeyError, IndexError: something in it is missing.
     """
     root = parse_elements(text, "document")
@@ -56,24 +59,27 @@ def _shown(root: Element, names: list[str]) -> Iterator[tuple[str, FloatArray]]:
         return
     for candidate in root.iterfind("library_visual_scenes/visual_scene"):
         if candidate.get("id") == _target(scene):
-            for node in candidate.iterfind("node"):
-                yield from _of_node(node, np.eye(4))
+            yield from _of_nodes(
+                list(candidate.iterfind("node")), {e.get("id"): e for e in root.iter("node")}
+            )
 
 
-def _of_node(node: Element, pose: FloatArray) -> Iterator[tuple[str, FloatArray]]:
-    for child in node:
-        values = (
-            np.array((child.text or "").split(), dtype=np.float64) if child.tag in _MOVES else np.zeros(0)
-        )
-        if child.tag in _MOVES:
-            pose = pose @ _moved(child.tag, values)
-        elif child.tag in ("instance_node", "instance_controller", "lookat", "skew"):
-            raise ValueError(f"<{child.tag}> in a scene is not read")
-    for child in node:
-        if child.tag == "instance_geometry":
-            yield _target(child), pose
-        elif child.tag == "node":
-            yield from _of_node(child, pose)
+def _of_nodes(nodes: list[Element], named: dict[str | None, Element]) -> Iterator[tuple[str, FloatArray]]:
+    """Yield the geometries of nodes, of those in them and those shown by name, with their poses (4, 4)."""
+    waiting, count = [(node, np.eye(4)) for node in nodes], 0
+    while waiting:
+        count += 1
+        if count + len(waiting) > _MOST_NODES:
+            raise ValueError(f"more than {_MOST_NODES} nodes, or one that shows itself")
+        node, pose = waiting.pop()
+        for child in node:
+            if child.tag in _MOVES:
+                pose = pose @ _moved(child.tag, np.array((child.text or "").split(), dtype=np.float64))
+            elif child.tag in ("instance_controller", "lookat", "skew"):
+                raise ValueError(f"<{child.tag}> in a scene is not read")
+        yield from ((_target(child), pose) for child in node.iterfind("instance_geometry"))
+        waiting += [(child, pose) for child in node.iterfind("node")]
+        waiting += [(named[_target(child)], pose) for child in node.iterfind("instance_node")]
 
 
 def _moved(kind: str, values: FloatArray) -> FloatArray:
