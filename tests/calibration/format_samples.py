@@ -165,6 +165,9 @@ COLMAP = """# Camera list with one line of data per camera:
 7 FULL_OPENCV 640 480 611 612 320.75 240 0.3 0.1 0.001 -0.002 0.02 0.31 0.12 0.03
 8 RADIAL_FISHEYE 640 480 311 320.75 240 0.01 -0.02
 9 THIN_PRISM_FISHEYE 640 480 311 312 320.75 240 0.01 -0.02 0 0 0 0 0 0
+10 SIMPLE_FISHEYE 640 480 311 320.75 240
+11 FISHEYE 640 480 311 312 320.75 240
+12 EUCM 640 480 191 192 320.75 240 0.63 1.04
 """
 
 OMNI_FIELDS = (
@@ -692,6 +695,21 @@ SAMPLES = {
         COLMAP,
         {"name": "8"},
         KannalaBrandt(311.0, 311.0, 320.25, 239.5, 640, 480, k=(0.01, -0.02, 0.0, 0.0)),
+    ),
+    "COLMAP SIMPLE_FISHEYE": (
+        COLMAP,
+        {"name": "10"},
+        KannalaBrandt(311.0, 311.0, 320.25, 239.5, 640, 480, k=(0.0, 0.0, 0.0, 0.0)),
+    ),
+    "COLMAP FISHEYE": (
+        COLMAP,
+        {"name": "11"},
+        KannalaBrandt(311.0, 312.0, 320.25, 239.5, 640, 480, k=(0.0, 0.0, 0.0, 0.0)),
+    ),
+    "COLMAP EUCM": (
+        COLMAP,
+        {"name": "12"},
+        ExtendedUnified(191.0, 192.0, 320.25, 239.5, 0.63, 1.04, 640, 480),
     ),
     "Mei toolbox, single values": (
         '{"xi": 1.125, "k1": -0.2, "k2": 0.06, "p1": 0.001, "p2": -0.002, "fx": 610.5, "fy": 612.25,'

@@ -118,6 +118,12 @@ def test_colmaps_binary_cameras_are_those_of_the_text(tmp_path):
     assert (camera.fx, camera.fy, camera.cx, camera.cy) == (611.0, 612.0, 320.25, 239.5)
     with pytest.raises(InputError, match="camera 7: 'FOV' given; legal: SIMPLE_PINHOLE"):
         load_model(written(tmp_path, content), name="7")
+    newer = cameras_bin(
+        (1, 11, (1.0,) * 16), (2, 13, (1.0,) * 5), (3, 16, (191.0, 192.0, 3.0, 4.0, 0.6, 1.1))
+    )
+    assert load_model(written(tmp_path, newer), name="3").beta == 1.1
+    with pytest.raises(InputError, match="camera 1: 'RAD_TAN_THIN_PRISM_FISHEYE' given"):
+        load_model(written(tmp_path, newer), name="1")
     for cut in (9, len(content) - 1):
         with pytest.raises(InputError, match=r"neither text \(UTF-8\) nor a cameras.bin of COLMAP"):
             load_model(written(tmp_path, content[:cut]))

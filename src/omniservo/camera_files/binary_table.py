@@ -20,8 +20,15 @@ _MODELS = {
     8: ("SIMPLE_RADIAL_FISHEYE", 4),
     9: ("RADIAL_FISHEYE", 5),
     10: ("THIN_PRISM_FISHEYE", 12),
+    11: ("RAD_TAN_THIN_PRISM_FISHEYE", 16),
+    12: ("SIMPLE_DIVISION", 4),
+    13: ("DIVISION", 5),
+    14: ("SIMPLE_FISHEYE", 3),
+    15: ("FISHEYE", 4),
+    16: ("EUCM", 6),
+    17: ("EQUIRECTANGULAR", 2),
 }
-"""name and count of parameters by COLMAP's number of the model: its ``sensor/models.h``"""
+"""name and count of parameters by COLMAP's number of the model, as of version 4.2: its ``sensor/models.h``"""
 
 
 def camera_rows(data: bytes, source: str) -> dict[str, Any]:

@@ -2,8 +2,8 @@
 
 (0.5, 0.5) is the centre of the first pixel, so ½ is subtracted from the principal point. Source: COLMAP's
 ``sensor/models.h`` and its documentation of the output format. Its fisheye models are Kannala–Brandt with
-k3 = k4 = 0 or all four; the models with one focal length are our pinhole and Kannala–Brandt with fx = fy.
-FOV, THIN_PRISM_FISHEYE and others are refused by name.
+none, one, two or all four of k1 … k4; the models with one focal length are our pinhole and Kannala–Brandt
+with fx = fy. FOV, THIN_PRISM_FISHEYE, DIVISION and others are refused by name.
 """
 
 from __future__ import annotations
@@ -11,10 +11,10 @@ from __future__ import annotations
 from typing import Any
 
 from omniservo.camera_files.calibration_file import CalibrationFile, lens_comment, refuse_skew
-from omniservo.cameras.models import CentralModel, KannalaBrandt, Pinhole
+from omniservo.cameras.models import CentralModel, ExtendedUnified, KannalaBrandt, Pinhole
 from omniservo.errors import InputError, spelled
 
-KINDS: tuple[type, ...] = (KannalaBrandt, Pinhole)
+KINDS: tuple[type, ...] = (ExtendedUnified, KannalaBrandt, Pinhole)
 
 _PARAMETERS = {
     "SIMPLE_PINHOLE": "f cx cy",
@@ -23,9 +23,12 @@ _PARAMETERS = {
     "RADIAL": "f cx cy k1 k2",
     "OPENCV": "fx fy cx cy k1 k2 p1 p2",
     "FULL_OPENCV": "fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6",
+    "SIMPLE_FISHEYE": "f cx cy",
+    "FISHEYE": "fx fy cx cy",
     "SIMPLE_RADIAL_FISHEYE": "f cx cy k1",
     "RADIAL_FISHEYE": "f cx cy k1 k2",
     "OPENCV_FISHEYE": "fx fy cx cy k1 k2 k3 k4",
+    "EUCM": "fx fy cx cy alpha beta",
 }
 _RATIONAL = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 _HEADER = (
@@ -72,6 +75,8 @@ def read(file: CalibrationFile, name: str) -> CentralModel:
     if 0.0 in focal.values():
         raise file.error(f"camera {name}: a focal length of 0; legal: any number but 0", "rows", index)
     given: dict[str, Any] = {**focal, "cx": numbers["cx"] - 0.5, "cy": numbers["cy"] - 0.5, **size}
+    if model == "EUCM":
+        return file.build(ExtendedUnified, **given, alpha=numbers["alpha"], beta=numbers["beta"])
     if model.endswith("FISHEYE"):
         k = tuple(numbers.get(f"k{i}", 0.0) for i in (1, 2, 3, 4))
         return file.build(KannalaBrandt, **given, k=k)
@@ -89,6 +94,8 @@ def text_of(model: CentralModel, suffix: str) -> str:
     refuse_skew(model, "colmap")
     if isinstance(model, KannalaBrandt):
         kind, more = "OPENCV_FISHEYE", tuple(model.k)
+    elif isinstance(model, ExtendedUnified):
+        kind, more = "EUCM", (model.alpha, model.beta)
     elif isinstance(model, Pinhole) and not any(model.distortion[8:]):
         padded = (*model.distortion, *(0.0,) * 8)[:8]
         kind, count = (
