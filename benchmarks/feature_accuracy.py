@@ -71,13 +71,16 @@ def raw(detector: Any, norm: int) -> Callable[[Image, Image], Pixels]:
     return matched
 
 
+_AKAZE_CREATE = (cv2 if hasattr(cv2, "AKAZE_create") else cv2.xfeatures2d).AKAZE_create
+"""in OpenCV 5 it is one of the contributed modules"""
+
 METHODS: dict[str, Callable[[Image, Image], Pixels]] = {
     "ours, refined": refined,
     "ours, as found": unrefined,
     "SIFT, raw picture": raw(
         cv2.SIFT_create(contrastThreshold=0.02, enable_precise_upscale=True), cv2.NORM_L2
     ),
-    "AKAZE, raw picture": raw(cv2.AKAZE_create(threshold=0.0005), cv2.NORM_HAMMING),
+    "AKAZE, raw picture": raw(_AKAZE_CREATE(threshold=0.0005), cv2.NORM_HAMMING),
 }
 
 

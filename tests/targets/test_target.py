@@ -55,7 +55,7 @@ def test_corners_stand_in_the_order_in_which_opencv_finds_them():
     picture = np.full((240, 240), 255, np.uint8)
     picture[place[1] : place[1] + side, place[0] : place[0] + side] = dictionary.generateImageMarker(9, side)
     found, ids, _ = cv2.aruco.ArucoDetector(dictionary).detectMarkers(picture)
-    assert ids.tolist() == [[9]]
+    assert ids.ravel().tolist() == [9]
     distance, edge = 0.3, 0.05
     tag = Tag("4x4_50", 9, edge, RigidTransform.from_translation([0.0, 0.0, distance]))
     projected = place + (side - 1) / 2 + tag.corners[:, :2] / distance * (side * distance / edge)
