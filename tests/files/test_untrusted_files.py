@@ -4,10 +4,12 @@ import contextlib
 import json
 import logging
 import os
+import tracemalloc
 from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from omniservo.calibration.hand_eye import load_hand_eye
 from omniservo.camera_files import load_camera
@@ -176,3 +178,17 @@ def test_a_second_document_in_a_file_is_named(tmp_path):
     file.write_text("a: 1\n---\na: 2\n")
     with pytest.raises(InputError, match="line 2: a second document begins; legal: one"):
         read_document(file)
+
+
+@pytest.mark.parametrize("read", [read_image, read_grey_image])
+def test_an_image_of_16_bits_takes_little_more_memory_than_its_pixels(read, tmp_path):
+    values = np.zeros((1000, 1500), dtype=np.uint16)
+    values[::100, 1::7] = 40 * 256
+    values[-1, -1] = 65535
+    Image.fromarray(values).save(tmp_path / "image.png", compress_level=1)
+    tracemalloc.start()
+    grey = read(tmp_path / "image.png")
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert np.array_equal(grey, values // 257)
+    assert most < 8 * values.size

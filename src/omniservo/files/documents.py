@@ -89,15 +89,18 @@ def read_bytes(path: str | Path, *, max_bytes: int = MAX_BYTES) -> bytes:
     require_file(path)
     file = Path(path)
     try:
-        if file.stat().st_size > max_bytes:
-            raise InputError(f"{path}: {file.stat().st_size} bytes; at most {max_bytes} are read")
+        size = file.stat().st_size
+        if size > max_bytes:
+            raise InputError(f"{path}: {size} bytes; at most {max_bytes} are read")
         with file.open("rb") as stream:
-            content = stream.read(max_bytes + 1)
+            content = stream.read(size + 1)  # for as many room is made before a byte is read
+            if len(content) > size:  # files of the system have more in them than they say
+                content += stream.read(max_bytes - size)
     except InputError:
         raise
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}") from None
-    if len(content) > max_bytes:  # files of the system may have more in them than they say
+    if len(content) > max_bytes:
         raise InputError(f"{path}: more than {max_bytes} bytes; at most so many are read")
     noted = _NOTED.get()
     if noted is not None:

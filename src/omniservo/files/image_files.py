@@ -17,7 +17,7 @@ from PIL import Image, UnidentifiedImageError
 from omniservo.errors import InputError, spelled
 from omniservo.files import read_bytes, write_whole
 from omniservo.files.own_warnings import own_warnings
-from omniservo.geometry.arrays import ByteArray
+from omniservo.geometry.arrays import ByteArray, FloatArray
 
 MOST_PIXELS = 100_000_000
 """Largest image that is read."""
@@ -47,9 +47,9 @@ def read_image(path: str | Path) -> ByteArray:
     """
     with _opened(path) as picture:
         if _has_many_bits(picture):
-            return _of_many_bits(np.asarray(picture, dtype=np.float64), path)
-        grey = picture.mode in ("1", "L", "LA")
-        return np.asarray(picture.convert("L" if grey else "RGB"), dtype=np.uint8)
+            return _of_many_bits(picture, path)
+        mode = "L" if picture.mode in ("1", "L", "LA") else "RGB"
+        return np.asarray(picture if picture.mode == mode else picture.convert(mode), dtype=np.uint8)
 
 
 def read_grey_image(path: str | Path) -> ByteArray:
@@ -63,7 +63,7 @@ def read_grey_image(path: str | Path) -> ByteArray:
     """
     with _opened(path) as picture:
         if _has_many_bits(picture):
-            return _of_many_bits(np.asarray(picture, dtype=np.float64), path)
+            return _of_many_bits(picture, path)
         return np.asarray(picture.convert("L"), dtype=np.uint8)
 
 
@@ -123,8 +123,27 @@ def _has_many_bits(picture: Any) -> bool:
     return bool(picture.mode.startswith("I") or picture.mode == "F")
 
 
-def _of_many_bits(values: np.typing.NDArray[np.float64], path: str | Path) -> ByteArray:
-    if not np.isfinite(values).all():
-        raise InputError(f"{path}: grey values that are not finite")
-    brightest = max(float(values.max()), 1.0)
-    return np.asarray((values.clip(0.0) * (255.0 / min(brightest, 65535.0))).clip(0, 255), dtype=np.uint8)
+def _of_many_bits(picture: Any, path: str | Path) -> ByteArray:
+    """Return grey values of more than 8 bits in 8; band by band, since all in double take gigabytes."""
+    brightest = 1.0
+    for _, values in _bands(picture):
+        if not np.isfinite(values).all():
+            raise InputError(f"{path}: grey values that are not finite")
+        brightest = max(brightest, float(values.max()))
+    scale = 255.0 / min(brightest, 65535.0)
+    grey = np.empty(picture.size[::-1], dtype=np.uint8)
+    for rows, values in _bands(picture):
+        grey[rows] = (values.clip(0.0) * scale).clip(0, 255)
+    return grey
+
+
+def _bands(picture: Any) -> Iterator[tuple[slice, FloatArray]]:
+    """Yield rows of an image and their values, so many that they are about a quarter of a megapixel."""
+    width, height = picture.size
+    step = max(1, 2**18 // width)
+    for top in range(0, height, step):
+        bottom = min(top + step, height)
+        yield (
+            slice(top, bottom),
+            np.asarray(picture.crop((0, top, width, bottom)), dtype=np.float64),
+        )
