@@ -249,6 +249,8 @@ def test_undeclared_entity_deep_and_large_xml_are_refused(tmp_path):
         '{"distortion_model": "plumb_bob", "K": [[1], [2], [3]]}',
         '{"distortion_model": null, "k": {"rows": 3}}',
         '{"K": {"data": {"a": 1}, "rows": 1, "cols": 1}}',
+        '{"rows": [1, 2]}',
+        '{"rows": [[], []]}',
         '{"K": {"data": [true], "rows": 1, "cols": 1}}',
         '{"K": {"data": [1], "rows": 1e300, "cols": 1e300}}',
         '{"model_type": ["MEI"]}',

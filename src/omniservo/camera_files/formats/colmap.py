@@ -41,7 +41,8 @@ def recognises(fields: Any) -> bool:
     """Say whether every row is an id and a word, of any model."""
     rows = fields.get("rows")
     return isinstance(rows, list) and all(
-        len(row) >= 2 and isinstance(row[0], int) and isinstance(row[1], str) for row in rows
+        isinstance(row, list) and len(row) >= 2 and isinstance(row[0], int) and isinstance(row[1], str)
+        for row in rows
     )
 
 

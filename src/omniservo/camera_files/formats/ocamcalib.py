@@ -34,7 +34,8 @@ def recognises(fields: Any) -> bool:
     return (
         isinstance(rows, list)
         and len(rows) >= 2
-        and isinstance(rows[0][0], int)
+        and all(isinstance(row, list) for row in rows)
+        and isinstance(next(iter(rows[0]), None), int)
         and all(not isinstance(value, str) for row in rows[:2] for value in row)
     )
 
