@@ -131,6 +131,8 @@ def test_an_impossible_problem_is_exit_code_1_and_says_why(capsys, tmp_path):
         ("camera", "convert", "{dir}/broken.json", "{dir}/new.yaml", "--to", "own"),
         ("plan", "{dir}/problem.json", "--method", "magic"),
         ("plan", "{dir}/problem.json", "--time-budget", "0"),
+        ("plan", "{dir}/problem.json", "--time-budget", "nan"),
+        ("plan", "{dir}/problem.json", "--time-budget", "inf"),
         ("plan", "{dir}/problem.json", "--quality", "speed"),
         ("plan", "{dir}/problem.json", "--time-budget", "soon"),
         ("plan", "{dir}/problem.json", "--no-such-option"),

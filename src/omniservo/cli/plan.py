@@ -12,6 +12,7 @@ from omniservo.cli.grouped import grouped
 from omniservo.cli.output import ForceOption, Output, SeedOption, answer_is_no, with_unit
 from omniservo.errors import InputError
 from omniservo.files import exists, require_file, writable, write_whole
+from omniservo.geometry.arrays import finite_number
 
 if TYPE_CHECKING:
     from omniservo.estimation import TwoViewEstimate
@@ -140,6 +141,8 @@ def plan(
             raise InputError(f"plan: {name} given without --estimate, which it belongs to")
     if problem is None:
         raise InputError("plan: give a PROBLEM, or --estimate with --obstacles")
+    if time_budget is not None:
+        finite_number("--time-budget", time_budget, above=0.0)
     with output.working("loading") as progress:
         from omniservo.geometry.compiler_watch import CompilerWatch
         from omniservo.planning import PlanningProblem, plan_path
