@@ -123,6 +123,7 @@ def test_an_impossible_problem_is_exit_code_1_and_says_why(capsys, tmp_path):
         ("run", "no-such-task"),
         ("run", "paper-example-1", "--out", "{dir}"),
         ("run", "paper-example-1", "--out", "a\0b"),
+        ("run", "paper-example-1", "--seed", str(2**63), "--out", "{dir}/new"),
         ("run", "paper-example-1", "--camera", "{dir}/broken.json", "--out", "{dir}/new"),
         ("teach", "paper-example-1", "--out", "{dir}/problem.json"),
         ("estimate",),

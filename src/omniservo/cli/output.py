@@ -27,7 +27,7 @@ UNREAD = 141
 """who reads standard output, left, as head does"""
 
 ForceOption = Annotated[bool, typer.Option("--force", help="Replace an existing file or folder.")]
-SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of everything random.")]
+SeedOption = Annotated[int, typer.Option("--seed", min=0, max=2**63 - 1, help="Seed of everything random.")]
 
 
 @dataclass(frozen=True)
