@@ -119,6 +119,15 @@ def test_an_interruption_names_what_was_written_before(capsys, tmp_path, monkeyp
     assert err.splitlines()[-1] == f"omniservo: interrupted; written before: {out}"
 
 
+def test_an_interrupted_study_names_no_folder_that_is_not_there(capsys, tmp_path, monkeypatch):
+    def interrupt(*given, **options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("omniservo.studies.run_study", interrupt)
+    code, _, err = call(capsys, "study", "quick", "--out", tmp_path / "study")
+    assert (code, err.splitlines()[-1]) == (130, "omniservo: interrupted while loading; nothing was written")
+
+
 @pytest.mark.slow
 def test_a_plan_tells_its_time_from_that_of_loading_code(tmp_path):
     written(tmp_path / "problem.json", problem())

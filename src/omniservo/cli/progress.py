@@ -39,10 +39,8 @@ class Doing:
     def ended(self, how: str) -> str:
         """Return the message of an end such as "interrupted"."""
         during = f" while {self.stage}" if self.stage else ""
-        kept = (
-            f"written before: {', '.join(map(str, self.written))}" if self.written else "nothing was written"
-        )
-        return f"{how}{during}; {kept}"
+        there = ", ".join(str(path) for path in self.written if path.exists())
+        return f"{how}{during}; {f'written before: {there}' if there else 'nothing was written'}"
 
 
 DOING = Doing()
