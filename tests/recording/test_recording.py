@@ -378,6 +378,22 @@ def test_a_full_disk_is_named_whatever_is_written_and_leaves_nothing_once_discar
         assert not list(tmp_path.iterdir())
 
 
+def test_two_recordings_of_one_name_and_what_a_killed_one_left_do_not_mix(tmp_path):
+    left = tmp_path / "run.unfinished.mcap"
+    left.write_bytes(b"of a run that was killed")
+    numbers = range(40)
+    both = [RunRecording(tmp_path / "run.mcap") for _ in range(2)]
+    for number in numbers:
+        for name, recording in zip("ab", both, strict=True):
+            recording.write("/rosout", LogMessage(name=name, msg=f"{number}" * 10_000), 0.1 * number)
+    for name, recording in zip("ab", both, strict=True):
+        recording.close()
+        messages = [entry.message for entry in RecordedRun(tmp_path / "run.mcap")]
+        assert [message.name for message in messages] == [name] * len(numbers)
+    assert left.read_bytes() == b"of a run that was killed"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["run.mcap", "run.unfinished.mcap"]
+
+
 def test_a_recording_that_has_just_begun_can_be_read(tmp_path):
     with RunRecording(tmp_path / "run.mcap") as recording:
         begun = RecordedRun(recording.unfinished)

@@ -6,8 +6,10 @@ import os
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from itertools import chain, count
 from pathlib import Path
 from types import TracebackType
+from typing import BinaryIO
 
 from mcap.writer import Writer
 
@@ -51,8 +53,9 @@ class RecordedAs:
 class RunRecording:
     """An MCAP file of ROS 2 messages (profile "ros2", CDR, compressed by Zstandard) that grows with a run.
 
-    Until `close` it is ``NAME.unfinished.mcap`` beside the path: whatever ends the process, what was written
-    before can be read, up to the last `_CHUNK`. `close` adds the index and gives the file its name.
+    Until `close` it is ``NAME.unfinished.mcap`` beside the path (``NAME-2.unfinished.mcap`` where there is
+    one that another process writes or a killed one left): whatever ends the process, what was written before
+    can be read, up to the last `_CHUNK`. `close` adds the index and gives the file its name.
 
     Times are seconds of any one clock; they are stored in whole nanoseconds.
 
@@ -68,15 +71,11 @@ class RunRecording:
         self.path = Path(path)
         """as given"""
         writable(self.path, force=force)
-        self.unfinished = self.path.with_name(f"{self.path.stem}.unfinished.mcap")
-        """where it is until it is closed"""
         self._channels: dict[str, int] = {}
         self._schemas: dict[type[RosMessage], int] = {}
         self._time = 0
-        try:
-            self._stream = self.unfinished.open("wb")
-        except OSError as error:
-            raise NotWritten(self.unfinished, error.strerror or str(error)) from None
+        self.unfinished, self._stream = _begun(self.path)
+        """where it is until it is closed"""
         self._writer = Writer(self._stream, chunk_size=_CHUNK)
         self._writer.start(profile="ros2", library=_LIBRARY)
         with suppress(OSError):  # said with the first message; whoever watches the file finds what it is
@@ -179,6 +178,24 @@ class RunRecording:
             self._stream.flush()
         except OSError as error:
             raise NotWritten(self.unfinished, error.strerror or str(error)) from None
+
+
+def _begun(path: Path) -> tuple[Path, BinaryIO]:
+    """Begin the file that a recording is in until it is closed; none that is there is written into.
+
+    Raises:
+        NotWritten: it cannot be begun.
+    """
+    stems = chain((path.stem,), (f"{path.stem}-{number}" for number in count(2)))
+    while True:
+        unfinished = path.with_name(f"{next(stems)}.unfinished.mcap")
+        try:
+            if not unfinished.is_file():  # a device may be there
+                return unfinished, unfinished.open("wb" if unfinished.exists() else "xb")
+        except FileExistsError:  # by now
+            continue
+        except OSError as error:
+            raise NotWritten(unfinished, error.strerror or str(error)) from None
 
 
 def nanoseconds(seconds: float) -> int:
