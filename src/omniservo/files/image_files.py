@@ -133,7 +133,7 @@ def _of_many_bits(picture: Any, path: str | Path) -> ByteArray:
     scale = 255.0 / min(brightest, 65535.0)
     grey = np.empty(picture.size[::-1], dtype=np.uint8)
     for rows, values in _bands(picture):
-        grey[rows] = (values.clip(0.0) * scale).clip(0, 255)
+        grey[rows] = (values * scale).clip(0, 255)
     return grey
 
 
