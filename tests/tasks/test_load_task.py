@@ -585,6 +585,18 @@ def test_a_mounts_covariance_that_is_none_is_refused(tmp_path, value, message):
         load_task(written(tmp_path, changed("arm.mount_covariance", value)))
 
 
+def test_a_mount_from_a_file_leaves_the_arm_and_its_foot_as_they_are_stated(tmp_path):
+    pose = {"translation": [0, 0, 0.09], "quaternion": [0, 0, 0, 1]}
+    covariance = (1e-8 * np.eye(6)).tolist()
+    mount = {"format": "omniservo.hand_eye/1", "flange_T_camera": pose, "covariance": covariance}
+    (tmp_path / "mount.json").write_text(json.dumps(mount))
+    document = changed("arm", {"model": "rx60", "foot": [1, 2, -341], "flange_T_camera": "mount.json"})
+    arm = load_task(written(tmp_path, document)).arm
+    assert (arm.model, arm.foot) == ("rx60", (0.001, 0.002, -0.341))
+    assert arm.flange_T_camera.translation == (0, 0, 0.09)  # in m, whatever the task's units
+    assert np.array_equal(arm.mount_covariance, covariance)
+
+
 def test_older_files_say_tool_for_the_flange_but_not_both(tmp_path):
     document = changed("arm.tool_T_camera", {"translation": [0, 0, 50]})
     with pytest.raises(InputError, match="give flange_T_camera or tool_T_camera, which mean the same"):
