@@ -310,6 +310,16 @@ def test_the_private_parts_of_numba_that_are_used_are_those_that_were_tried(comp
     assert isinstance(result.library.codegen._engine._defined_symbols, set)
 
 
+@pytest.mark.parametrize("relative", ["", "cache", "./cache", "~/cache"])
+def test_a_cache_folder_that_is_not_absolute_is_ignored(relative, monkeypatch, tmp_path):
+    """Each working folder would have kernels of its own, compiled again for minutes."""
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("XDG_CACHE_HOME", relative)
+    assert user_folder().parent == tmp_path / ".cache" / "omniservo"
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "mine"))
+    assert user_folder().parent == tmp_path / "mine" / "omniservo"
+
+
 def test_a_user_without_a_home_keeps_no_kernels_and_meets_no_error(monkeypatch):
     """As in a container that is run under a number that no one there has."""
 

@@ -222,7 +222,9 @@ def user_folder() -> Path:
     host, host_features = _host()
     name, features = os.environ.get(_NAME, host), os.environ.get(_FEATURES, host_features)
     try:
-        caches = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+        caches = Path(os.environ.get("XDG_CACHE_HOME", ""))
+        if not caches.is_absolute():  # which the XDG specification says to ignore
+            caches = Path.home() / ".cache"
     except RuntimeError:  # a user without a home, as in some containers: nothing can be kept
         caches = Path(os.devnull)
     return caches / "omniservo" / f"kernels-{_key(name, features)}"
