@@ -8,6 +8,7 @@ from omniservo.errors import InputError
 from omniservo.robots import CAMERA_HOUSING, ArmBodies, TrackingTube, load_arm
 from omniservo.runs.arm_setting_of import TRACKING_PART, arm_setting_of
 from omniservo.runs.plan_task import problem_of
+from omniservo.runs.safety_of_task import safety_of_task
 from omniservo.scenes.scene_of_task import scene_of_task
 from omniservo.tasks import load_task
 
@@ -73,3 +74,12 @@ def test_a_tube_and_a_margin_together_and_a_tube_that_is_not_there_are_refused(f
         task_with(folder, tracking_tube="elsewhere.json")
     with pytest.raises(InputError, match="tracking_tube"):
         task_with(folder, tracking_tube="../tube.json")
+
+
+def test_a_run_plans_with_more_room_to_joint_limits_than_the_supervisor_stops_it_at():
+    task = load_task("whole-arm-1")
+    scene = scene_of_task(task)
+    reserve = safety_of_task(task).joint_reserve
+    assert arm_setting_of(task, scene).limit_reserve > 2.0 * reserve
+    # a move that joints lead deviates by nothing that noise does
+    assert arm_setting_of(task, scene, with_tube=False).limit_reserve >= reserve

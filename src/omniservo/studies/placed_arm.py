@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,6 +16,7 @@ from omniservo.robots.collision.posture_gaps import PostureGaps
 from omniservo.studies.study_arms import StudyArm
 from omniservo.whole_arm import ArmSetting
 from omniservo.whole_arm.arm_ends import violation_at_goal, violation_at_start
+from omniservo.whole_arm.arm_setting import LED_RESERVE
 
 _TRIED = 40
 """joint configurations at the start, for one start and goal"""
@@ -32,8 +32,6 @@ _FAR = 0.4
 """[m] The largest gap that is measured."""
 _NEVER = 10.0
 """[m] No gap is so deep."""
-_RESERVE = math.radians(3.0)
-"""[rad] that plans keep to the ends of the joints' ranges"""
 _TRACKED = 1.25
 """times the singular value at which an arm is stopped: what plans keep"""
 _REGULAR = 2.0
@@ -92,7 +90,7 @@ class PlacedArm:
         Joints and singular value keep more than what the supervisor stops the arm at: it moves.
         """
         kept = self._setting(self.stated.flange_T_camera.transform, clearance)
-        return replace(kept, limit_reserve=_RESERVE, singular_value=_TRACKED * SINGULAR_VALUE)
+        return replace(kept, limit_reserve=LED_RESERVE, singular_value=_TRACKED * SINGULAR_VALUE)
 
     def true_setting(self) -> ArmSetting:
         """Return the arm as it is; links and the camera's housing may come as near as they can."""
