@@ -2,10 +2,16 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import RigidTransform
+from tests.robots.joint_paths import straight_joint_path
 
-from omniservo.errors import NoSolutionError
+from omniservo.errors import JointLimit, NoSolutionError
 from omniservo.planning import PlanningProblem, plan_path
+from omniservo.robots import RobotState, load_arm
+from omniservo.runs.braked_speed import braked_speed
 from omniservo.runs.pace import JOINT_SHARE, pace
+from omniservo.safety import SafetyOptions
+from omniservo.safety.stoppable import Stoppable
 from omniservo.scenes.scene_of_task import scene_of_task
 from omniservo.servoing import ExponentialLaw
 from omniservo.tasks import load_task
@@ -130,3 +136,27 @@ def test_a_plan_without_a_path_is_no_motion(planned):
     )
     assert blocked.path is None
     assert pace(task, scene, blocked) is None
+
+
+def test_a_joint_that_nears_the_end_of_its_range_goes_as_fast_as_the_supervisor_lets_it_and_no_faster():
+    arm, options, place = load_arm("rx60"), SafetyOptions(), RigidTransform.identity()
+    begin, end = np.zeros(6), np.zeros(6)
+    end[2] = arm.joint_range[2, 1] - np.radians(2.0)
+    joints, watch = straight_joint_path(begin, end), Stoppable(arm, place, place, options)
+    assert np.isinf(braked_speed(arm, straight_joint_path(end, end), options, 1.0)(np.array([0.5])))
+    for path, share in ((joints, 1.0), (joints, 0.5), (straight_joint_path(-end, begin), 1.0)):
+        for w in (0.1, 0.8, 0.97):
+            speed = braked_speed(arm, path, options, share)(np.array([w]))[0]
+            q, fastest = path(w), speed * path(w, 1)
+            watch.check(RobotState(0.0, q, 0.0 * q), 0.999 * fastest)
+            if path is joints and share == 1.0:
+                with pytest.raises(JointLimit, match="would stop at"):
+                    watch.check(RobotState(0.0, q, 0.0 * q), 1.001 * fastest)
+
+
+def test_the_law_is_bounded_by_what_braking_within_the_joints_ranges_needs(planned):
+    w, found = np.linspace(0.0, 1.0, 33), exposed(planned)
+    most = braked_speed(planned[1].arm, found.joints, SafetyOptions(), JOINT_SHARE)(w)
+    np.testing.assert_array_equal(found.limits.top_path_speed(w), most)
+    blurred = exposed(planned, exposure=0.2)
+    assert (blurred.limits.top_path_speed(w) <= most).all()

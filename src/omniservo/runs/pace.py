@@ -13,7 +13,9 @@ from omniservo.geometry.arrays import FloatArray
 from omniservo.planning import CameraPath, Plan
 from omniservo.robots import Arm, JointPath
 from omniservo.runs.borne_speed import borne_speed
+from omniservo.runs.braked_speed import braked_speed
 from omniservo.runs.own_branch import every_branch, own_branch
+from omniservo.runs.safety_of_task import safety_of_task
 from omniservo.scenes.scene import Scene
 from omniservo.servoing import (
     ExponentialLaw,
@@ -52,7 +54,10 @@ def pace(task: Task, scene: Scene, plan: Plan) -> PlannedMotion | None:
     joints = own_branch(task, scene, plan.path, plan.aim)
     points = plan.problem.points
     limits = limits_of(task, scene.arm, plan.path, joints, points)
-    law = _law(task, limits, limits_of(task, scene.arm, plan.path, joints, points, share=1.0))
+    arms_own = limits_of(task, scene.arm, plan.path, joints, points, share=1.0)
+    pixels = _image_speed_limit(task, plan.path, points)
+    law = _law(task, limits, arms_own, pixels)
+    free = replace(limits, path_speed=_braked(task, scene.arm, joints))
     return PlannedMotion(
         arm=scene.arm,
         joints=joints,
@@ -60,7 +65,7 @@ def pace(task: Task, scene: Scene, plan: Plan) -> PlannedMotion | None:
         limits=limits,
         time_optimal_seconds=TimeOptimalLaw(limits).duration,
         others=every_branch(task, scene, plan.path),
-        notices=_slowed(task, law, limits),
+        notices=() if pixels is None else _slowed(task, law, free),
     )
 
 
@@ -73,7 +78,7 @@ def limits_of(
     *,
     share: float = JOINT_SHARE,
 ) -> PathLimits:
-    """Return a share of the arm's limits, and `borne_speed`, along the joints that follow a path.
+    """Return a share of the arm's limits, `braked_speed` and `borne_speed`, along joints that follow a path.
 
     Args:
         task: states the image speed, if one is, exposure and readout.
@@ -81,10 +86,18 @@ def limits_of(
         path: of the camera, in the frame of the points.
         joints: that follow it.
         points: (n, 3) [m].
-        share: of joint speeds and accelerations.
+        share: of joint speeds, accelerations and room to the ends of ranges.
     """
-    pixels = _image_speed_limit(task, path, points)
-    return PathLimits(joints, share * arm.joint_speed, share * arm.joint_acceleration, pixels)
+    pixels, braked = _image_speed_limit(task, path, points), _braked(task, arm, joints, share)
+
+    def path_speed(w: FloatArray) -> FloatArray:
+        return braked(w) if pixels is None else np.minimum(braked(w), pixels(w))
+
+    return PathLimits(joints, share * arm.joint_speed, share * arm.joint_acceleration, path_speed)
+
+
+def _braked(task: Task, arm: Arm, joints: JointPath, share: float = JOINT_SHARE) -> _PathSpeed:
+    return braked_speed(arm, joints, safety_of_task(task), share)
 
 
 def _image_speed_limit(task: Task, path: CameraPath, points: FloatArray) -> _PathSpeed | None:
@@ -101,13 +114,13 @@ def _image_speed_limit(task: Task, path: CameraPath, points: FloatArray) -> _Pat
     return path_speed
 
 
-def _law(task: Task, limits: PathLimits, arms_own: PathLimits) -> TimeLaw:
+def _law(task: Task, limits: PathLimits, arms_own: PathLimits, pixels: _PathSpeed | None) -> TimeLaw:
     servo = task.servo
     if servo.time_law == "exponential":
         law = ExponentialLaw(servo.rate)
         times = np.linspace(0.0, -np.log(EXPONENTIAL_END) / servo.rate, _LOOKS)
         w, speed, _ = law.motion(times)
-        if (excess := float((speed / limits.top_path_speed(w)).max())) > 1.0:
+        if pixels is not None and (excess := float((speed / pixels(w)).max())) > 1.0:
             raise NoSolutionError(
                 f"servo.time_law: exponential is not stretched; points move {excess:.3g} times as fast as "
                 f"{borne_speed(task).cause} lets them; legal: rest-to-rest, time-optimal, a lower servo.rate"
@@ -127,11 +140,13 @@ def _law(task: Task, limits: PathLimits, arms_own: PathLimits) -> TimeLaw:
     return RestToRestLaw(servo.duration)
 
 
-def _slowed(task: Task, law: TimeLaw, limits: PathLimits) -> tuple[str, ...]:
-    """Return what is to be said of a motion that the camera's exposure or readout made longer."""
-    if limits.path_speed is None or borne_speed(task).cause == "servo.image_speed":
+def _slowed(task: Task, law: TimeLaw, free: PathLimits) -> tuple[str, ...]:
+    """Return what is to be said of a motion that the camera's exposure or readout made longer.
+
+    ``free``: the limits without these.
+    """
+    if borne_speed(task).cause == "servo.image_speed":
         return ()
-    free = replace(limits, path_speed=None)
     if isinstance(law, RestToRestLaw) and task.servo.duration is None:
         without = RestToRestLaw.for_limits(free, least_duration=LEAST_DURATION).duration
     elif isinstance(law, TimeOptimalLaw):
