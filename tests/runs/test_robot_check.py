@@ -10,6 +10,7 @@ import pytest
 from tests.cli.valid_output import check_output
 from tests.hardware.wall_clock_arm import WallClockArm
 
+from omniservo.cameras import preset
 from omniservo.cli.robot_live import check_fields
 from omniservo.errors import NotInControl, ProtectiveStop, ServoStop
 from omniservo.hardware import ClockMap
@@ -18,8 +19,10 @@ from omniservo.hardware.rtde.server import UrStandIn
 from omniservo.robots import ArmMode, CameraImage, RobotState, load_arm
 from omniservo.runs import robot_check
 from omniservo.runs.joint_trial import JointTrial
+from omniservo.runs.on_robot import sensor_of
 from omniservo.runs.robot_check import check_robot, watchdog_proof
 from omniservo.tasks import RobotFile, load_task
+from omniservo.tasks.robot_file import RobotCamera
 from omniservo.tasks.task import WorkspaceSection
 
 ARM = load_arm("ur5e")
@@ -349,6 +352,24 @@ def test_images_that_come_less_often_than_the_robot_file_counts_on_are_told():
     assert notice.startswith("images come 11.4 times a second; camera.rate of the robot file counts on 30")
     assert robot_check.rate_notice(slow, 12.0) is None
     assert robot_check.rate_notice(None, 30.0) is None
+
+
+@pytest.mark.parametrize(
+    ("rate", "age", "counted_on"), [(30.0, 0.22, 30.0), (10.0, 0.17, 30.0), (10.0, 0.24, 10.0)]
+)
+def test_images_before_each_of_which_the_arm_would_wait_are_to_be_mended(rate, age, counted_on):
+    late = robot_check.StreamTimes(rate=rate, age_median=age, age_p99=age + 0.005, jitter=0.001)
+    found = robot_check.always_waits(late, sensor_of(lens(counted_on)))
+    legal = float(re.search(r"or camera\.rate: ([\d.]+) in the robot file", found)[1])
+    assert legal < counted_on
+    assert robot_check.always_waits(late, sensor_of(lens(legal))) is None
+    sooner = replace(late, age_median=0.05, age_p99=0.06)
+    assert robot_check.always_waits(sooner, sensor_of(lens(counted_on))) is None
+    assert robot_check.always_waits(None, sensor_of(lens(counted_on))) is None
+
+
+def lens(rate):
+    return RobotCamera(source="v4l2:0", calibration=preset("fe185"), rate=rate)
 
 
 def test_a_line_that_became_slower_is_told():

@@ -13,6 +13,7 @@ from omniservo.robots import Arm
 from omniservo.runs.begun_elsewhere import begun_at
 from omniservo.scenes import Scene, scene_of_task
 from omniservo.tasks import RobotFile, Task, TaskOnRobot
+from omniservo.tasks.robot_file import RobotCamera
 from omniservo.tasks.sensor import SensorSection
 from omniservo.tasks.simulation import SimulationSection
 
@@ -49,12 +50,7 @@ def on_robot(task: Task, robot: RobotFile, arm: Arm, joints: FloatArray) -> tupl
         update={
             "arm": robot.arm.model_copy(update={"foot": task.arm.foot}),
             "camera": lens.calibration,
-            "sensor": SensorSection(
-                rate=lens.rate,
-                latency=max(SensorSection().latency, 0.5 * (lens.exposure + lens.readout)),
-                exposure=lens.exposure,
-                readout=lens.readout,
-            ),
+            "sensor": sensor_of(lens),
             "simulation": SimulationSection(),
             "planning": planning,
             "servo": task.servo.model_copy(update={"time_limit": task.servo.time_limit / robot.speed}),
@@ -64,3 +60,13 @@ def on_robot(task: Task, robot: RobotFile, arm: Arm, joints: FloatArray) -> tupl
         sources = task.sources
         begun = begun.read_from(TaskOnRobot(sources.path, sources.read, sources.packages, task, robot))
     return begun, replace(scene_of_task(begun), arm=arm, start_joints=joints)
+
+
+def sensor_of(lens: RobotCamera) -> SensorSection:
+    """Return how a robot's camera delivers images, as its file has it."""
+    return SensorSection(
+        rate=lens.rate,
+        latency=max(SensorSection().latency, 0.5 * (lens.exposure + lens.readout)),
+        exposure=lens.exposure,
+        readout=lens.readout,
+    )

@@ -15,8 +15,12 @@ from omniservo.geometry.arrays import FloatArray
 from omniservo.hardware import ArmConnection, ClockMap
 from omniservo.robots import SELF_CLEARANCE, Arm, ArmBodies, ArmMode, CameraSource
 from omniservo.runs.joint_trial import STILL, JointAnswer, JointTrial
+from omniservo.runs.on_robot import sensor_of
+from omniservo.runs.safety_of_task import FRAMES_MISSED, image_age_of
 from omniservo.safety import SafetyOptions, refuse_unready
+from omniservo.safety.blind_motion import BEGINS_BEFORE
 from omniservo.tasks import RobotFile
+from omniservo.tasks.sensor import SensorSection
 
 SECONDS = 3.0
 """that states and images are listened to"""
@@ -119,6 +123,7 @@ def check_robot(
     state = connection.read()
     findings = [
         *_findings(joints, images),
+        *filter(None, [always_waits(images, sensor_of(robot.camera))]),
         *([] if arm.within_limits(state.joint_positions) else ["a joint is out of the arm file's range"]),
     ]
     if state.mode is not ArmMode.READY:
@@ -152,6 +157,25 @@ def rate_notice(images: StreamTimes | None, rate: float) -> str | None:
     return (
         f"images come {images.rate:.1f} times a second; camera.rate of the robot file counts on {rate:g}: "
         "state what comes, or the arm will have to wait for images"
+    )
+
+
+def always_waits(images: StreamTimes | None, sensor: SensorSection) -> str | None:
+    """Return what to say of images of which the newest is too old before the next one comes; None: nothing.
+
+    The arm slows down before each of them comes, and never gets on.
+    """
+    if images is None:
+        return None
+    period, most = 1.0 / images.rate, image_age_of(sensor)
+    if images.age_median + period + BEGINS_BEFORE <= most:
+        return None
+    needed = images.age_p99 + period + BEGINS_BEFORE - sensor.latency
+    return (
+        f"images are {images.age_median:.3f} s old, {images.rate:.1f} come a second: before the next "
+        f"one comes the newest is {images.age_median + period:.3f} s old, and the arm waits for images from "
+        f"{most - BEGINS_BEFORE:.3f} s on; images that come sooner, or camera.rate: "
+        f"{math.floor(10.0 * FRAMES_MISSED / needed) / 10.0:g} in the robot file, which lets them be older"
     )
 
 

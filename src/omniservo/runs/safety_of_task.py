@@ -5,6 +5,7 @@ import numpy as np
 from omniservo.runs.arm_setting_of import tracking_room_of
 from omniservo.safety import SafetyOptions
 from omniservo.tasks import Task
+from omniservo.tasks.sensor import SensorSection
 
 FRAMES_MISSED = 3
 """So many frames may be missed before the robot is stopped."""
@@ -26,7 +27,7 @@ def safety_of_task(task: Task) -> SafetyOptions:
     """
     sensor, box, default = task.sensor, task.planning.workspace, SafetyOptions()
     return SafetyOptions(
-        image_age=max(default.image_age, sensor.latency + FRAMES_MISSED / sensor.rate),
+        image_age=image_age_of(sensor),
         blind_room=tracking_room_of(task),
         path_room=path_room_of(task),
         visibility_rate=min(default.visibility_rate, STEP_SHARE * sensor.rate),
@@ -35,6 +36,11 @@ def safety_of_task(task: Task) -> SafetyOptions:
         workspace=None if box is None else np.array([box.min, box.max]) + _WIDER,
         found_T_workspace=None if box is None else box.transform,
     )
+
+
+def image_age_of(sensor: SensorSection) -> float:
+    """Return how old an image of this camera may be to be acted on [s]."""
+    return max(SafetyOptions().image_age, sensor.latency + FRAMES_MISSED / sensor.rate)
 
 
 def path_room_of(task: Task) -> float | None:
