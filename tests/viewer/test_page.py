@@ -142,7 +142,9 @@ def test_what_is_asked_for_after_a_refused_edit_is_done(page):
 
 
 def test_the_numbers_of_an_obstacle_are_shown_by_one_thread(page, monkeypatch):
-    (tab,) = (found for each in page.listeners if isinstance(found := each.__self__, ObstacleTab))
+    (tab,) = (
+        found for each in page.listeners if isinstance(found := getattr(each, "__self__", None), ObstacleTab)
+    )
     show, threads = tab._show_numbers, []
 
     def noted(situation):

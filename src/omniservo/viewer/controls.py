@@ -71,6 +71,7 @@ def _add_choices(gui: Any, page: Page) -> None:
     arm.on_update(page.guarded(lambda event: _set_arm(page, bool(arm.value))))
     handles = gui.add_checkbox("handles", True, hint="arrows that start, goal and obstacles are dragged by")
     handles.on_update(page.guarded(lambda event: page.nodes.show_handles(visible=bool(handles.value))))
+    page.listeners.append(lambda situation: page.nodes.show_handles(visible=bool(handles.value)))
     run = gui.add_checkbox(
         "play the run", True, hint="what was executed, beside the plan; where there is a run"
     )

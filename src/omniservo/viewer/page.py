@@ -145,7 +145,8 @@ class Page:
         """Have the situation changed and planned for; one that is not legal is refused, and said."""
 
         def change_it() -> None:
-            self._base = change(self.situation)
+            self.nodes.put(change(self.situation))
+            self._tell(self.nodes.base)
 
         self._jobs.append(change_it)
         self.replan()
@@ -160,8 +161,10 @@ class Page:
             with self.playback.moving:
                 if not goes_on:
                     self.playback.follow(None)
+                self.nodes.end()
                 self.server.scene.reset()
                 self._take(viewed)
+            self._tell(self.nodes.base)
             self._watch_run()
 
         self._jobs.append(take_it)
@@ -169,8 +172,8 @@ class Page:
 
     def _take(self, viewed: Viewed) -> None:
         self.name, self._stated, self._to_watch = viewed.name, viewed.plan, viewed.watched
-        self._base = viewed.situation
-        """what the handles' places are counted from: it changes by edits alone"""
+        self.stated_camera = viewed.situation.camera
+        """before it was changed on the page"""
         self.nodes = SceneNodes(self.server, viewed.situation, self.replan)
         self.playback.take(self.nodes, viewed.run)
 
@@ -201,8 +204,7 @@ class Page:
     @property
     def situation(self) -> Situation:
         """What is planned for, as the handles are now."""
-        there = self.nodes.dragged()
-        return self._base.moved(there.start, there.goal, there.obstacles)
+        return self.nodes.situation
 
     def _watch(self) -> None:
         """Say that it is planned, where that takes a while: the sign of before is none of what is now."""
@@ -237,11 +239,7 @@ class Page:
     def _edited(self) -> Situation:
         """Return the situation as the handles are, after the jobs that wait."""
         while self._jobs:
-            before = self._base
             self._jobs.popleft()()
-            if self._base is not before:
-                self.nodes.put(self._base)
-                self._tell(self._base)
         return self.situation
 
     def _tell(self, situation: Situation) -> None:
@@ -364,19 +362,20 @@ class Page:
         answer, view = self._answer, CameraView()
         if answer is None:
             raise InputError("there is no plan yet")
-        self.playback.playing = False
-        serializer = self.server.get_scene_serializer()
-        for w in places_of_replay(answer):
-            joints = answer.joints(w)
-            self.nodes.show_camera(answer.world_T_camera(w))
-            if joints is not None:
-                self.nodes.show_arm(joints)
-            serializer.insert_sleep(TICK)
+        with self.playback.moving:  # what is played, or goes on, waits
+            serializer = self.server.get_scene_serializer()
+            for w in places_of_replay(answer):
+                joints = answer.joints(w)
+                self.nodes.show_camera(answer.world_T_camera(w))
+                if joints is not None:
+                    self.nodes.show_arm(joints)
+                serializer.insert_sleep(TICK)
+            scene = serializer.as_html()
         self.playback.show()
         return replay_page(
             self.name,
             answer,
-            serializer.as_html(),
+            scene,
             plots_html(curves_of(answer), 0.0),
             lambda w: view.drawn(
                 answer.situation, answer.plan, answer.world_T_camera(w), answer.joints(min(w, answer.end)), w

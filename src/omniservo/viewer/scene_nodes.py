@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import count
-from threading import Lock
+from threading import Lock, RLock
 from typing import Any
 
 import numpy as np
@@ -40,19 +40,13 @@ _PLACES = 65
 _MOST_SHOWN = 5000
 """points of a cloud"""
 
+_STRAIGHT = 1e-6
+"""sine of an angle from the vertical [rad] below which there is none"""
+
 _NUMBERS = count()
 """A handle's name has one: of one that is made where another was, viser sends no place that is the origin."""
 
 _COLOURS = {"certified": CERTIFIED, "no path": VIOLATED, "searching": SEARCHING}
-
-
-@dataclass(frozen=True)
-class Dragged:
-    """Where the handles are in the world."""
-
-    start: RigidTransform
-    goal: RigidTransform
-    obstacles: dict[int, RigidTransform]
 
 
 class SceneNodes:
@@ -67,6 +61,10 @@ class SceneNodes:
     def __init__(self, server: Any, situation: Situation, dragged: Any) -> None:
         self._server, self._dragged = server, dragged
         self._size = float(np.linalg.norm(situation.problem.points, axis=1).mean())
+        self._changing, self._ended = RLock(), False
+        """held while handles come and go: a place is that of the obstacle that it is read for"""
+        self.base = situation
+        """what the handles' places are counted from: it changes by edits alone"""
         self._obstacles: list[Obstacle] = []
         self.handles: list[Any] = []
         """what each obstacle is dragged by"""
@@ -101,7 +99,13 @@ class SceneNodes:
 
     def put(self, situation: Situation) -> None:
         """Show another situation: its obstacles, its camera; handles go to where it has them."""
-        scene = self._server.scene
+        with self._changing:
+            self.base = situation
+            self._put_handles(situation)
+            self.show_arrows_of(None)
+        self._put_camera(situation)
+
+    def _put_handles(self, situation: Situation) -> None:
         for handle in self.handles[len(situation.problem.obstacles) :]:
             handle.remove()
         del self.handles[len(situation.problem.obstacles) :]
@@ -122,7 +126,9 @@ class SceneNodes:
                 )
         for handle, pose in ((self._start, situation.world_T_initial), (self._goal, situation.world_T_goal)):
             _place(handle, pose)
-        self.show_arrows_of(None)
+
+    def _put_camera(self, situation: Situation) -> None:
+        scene = self._server.scene
         if self._camera != situation.camera:
             self._camera = situation.camera
             surface = trimesh.Trimesh(*field_surface(situation.camera, 0.3 * self._size))
@@ -133,11 +139,22 @@ class SceneNodes:
             centre = trimesh.creation.icosphere(1, 0.012 * self._size)
             scene.add_glb("/camera/centre", lit_triangles([(centre, _GOAL)], turn))
 
-    def dragged(self) -> Dragged:
-        """Return where the handles are."""
-        return Dragged(
-            _pose(self._start), _pose(self._goal), {i: _pose(h) for i, h in enumerate(self.handles)}
-        )
+    @property
+    def situation(self) -> Situation:
+        """The situation as the handles are now.
+
+        Raises:
+            InputError: the arm cannot bring the camera to its start.
+        """
+        with self._changing:
+            base, start, goal = self.base, _pose(self._start), _pose(self._goal)
+            obstacles = {i: _pose(handle) for i, handle in enumerate(self.handles)}
+        return base.moved(start, goal, obstacles)
+
+    def end(self) -> None:
+        """Change no handle any more, as they are about to be removed: one may be dragged until then."""
+        with self._changing:
+            self._ended = True
 
     def show(self, answer: Answer) -> None:
         """Show the path and which constraint is tight."""
@@ -166,17 +183,21 @@ class SceneNodes:
 
     def show_handles(self, *, visible: bool) -> None:
         """Show what things are dragged by, or hide it."""
-        self._handles_shown = visible
-        self.show_arrows_of(None)
+        if visible != self._handles_shown:
+            self._handles_shown = visible
+            self.show_arrows_of(None)
 
     def show_arrows_of(self, dragged: Any) -> None:
         """Show the arrows of one handle alone, as each takes time in every frame; None: of all."""
-        turn_nothing = [_turns_nothing(obstacle) for obstacle in self._obstacles]
-        all_handles = (self._start, self._goal, *self.handles)
-        for handle, fixed in zip(all_handles, (False, False, *turn_nothing), strict=True):
-            shown = self._handles_shown and (dragged is None or dragged is handle)
-            handle.disable_axes = not shown
-            handle.disable_rotations = fixed or not shown
+        with self._changing:
+            if self._ended:
+                return
+            turn_nothing = [_turns_nothing(obstacle) for obstacle in self._obstacles]
+            all_handles = (self._start, self._goal, *self.handles)
+            for handle, fixed in zip(all_handles, (False, False, *turn_nothing), strict=True):
+                shown = self._handles_shown and (dragged is None or dragged is handle)
+                handle.disable_axes = not shown
+                handle.disable_rotations = fixed or not shown
 
     def show_executed(self, places: FloatArray) -> None:
         """Draw the way (k, 3) that a run took [m], and a frustum for where its plan has the camera."""
@@ -289,7 +310,9 @@ class SceneNodes:
         ahead = centre - between
         focus = between + 0.35 * ahead
         side = np.cross(ahead, [0.0, 0.0, 1.0])
-        side = side / max(float(np.linalg.norm(side)), 1e-9)
+        if np.linalg.norm(side) < _STRAIGHT * np.linalg.norm(ahead):  # it looks up or down
+            side = np.array([1.0, 0.0, 0.0])
+        side = side / np.linalg.norm(side)
         eye = focus + self._size * (2.0 * side + np.array([0.0, 0.0, 1.1])) - 1.1 * ahead
         camera = self._server.initial_camera
         camera.up, camera.position, camera.look_at = (0.0, 0.0, 1.0), tuple(eye), tuple(focus)
