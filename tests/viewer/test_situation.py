@@ -1,4 +1,5 @@
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from omniservo.viewer.along_path import MarginCurve, camera_curves
 from omniservo.viewer.camera_view import drawn_obstacles, with_trajectories
 from omniservo.viewer.edited_task import edited_task
 from omniservo.viewer.field_of_view import field_outline, field_surface
+from omniservo.viewer.file_tab import written
 from omniservo.viewer.new_obstacle import new_obstacle, obstacles_of_file
 from omniservo.viewer.open_viewed import open_viewed
 from omniservo.viewer.plots import plots_html
@@ -166,15 +168,24 @@ def test_another_xi_leaves_the_middle_of_the_image_as_large(xi):
     assert changed.xi == xi
 
 
-def test_obstacles_come_from_meshes_clouds_and_problem_files(tmp_path):
+def obstacles_of(name, content):
+    """What is added of a file that is uploaded."""
+    with written(SimpleNamespace(name=name, content=content)) as path:
+        return obstacles_of_file(path)
+
+
+def test_obstacles_come_from_meshes_clouds_and_problem_files():
     sheet = "\n".join(f"{x} {y} 0.5" for x in (0.1, 0.2) for y in (0.1, 0.2))
-    (cloud,) = obstacles_of_file("wall.xyz", sheet.encode())
-    assert len(cloud.points) == 4
+    (cloud,) = obstacles_of("wall.xyz", sheet.encode())
+    assert (len(cloud.points), cloud.file) == (4, "wall.xyz")
     ball = b'{"obstacles": [{"type": "sphere", "center": [0.1, 0, 0.2], "radius": 0.05}]}'
-    (sphere,) = obstacles_of_file("balls.json", ball)
+    (sphere,) = obstacles_of("balls.json", ball)
     assert isinstance(sphere, Sphere)
-    with pytest.raises(InputError, match=r"balls.json: no list of obstacles"):
-        obstacles_of_file("balls.json", b"[1]")
+    with pytest.raises(InputError, match=r"^balls.json: no list of obstacles"):
+        obstacles_of("balls.json", b"[1]")
+    for name, content in (("balls.json", b'{"obstacles": [1]}'), ("wall.xyz", b""), ("wall.xyz", b"nan 0 0")):
+        with pytest.raises(InputError, match=f"^{name}: "):
+            obstacles_of(name, content)
 
 
 def test_the_own_frame_of_an_obstacle_is_where_its_handle_is(situation):

@@ -17,6 +17,10 @@ from omniservo.tasks.save_task import task_text
 from omniservo.viewer.edited_task import edited_task
 from omniservo.viewer.open_viewed import open_viewed
 from omniservo.viewer.page import Page
+from omniservo.viewer.situation import Situation
+
+_STATED, _OTHER = "as stated", "another"
+"""beside the presets' names: a camera from a file, or with another ξ"""
 
 _LARGEST = 64 * 2**20
 """[bytes] of a file that is taken"""
@@ -34,7 +38,7 @@ class FileTab:
         self._page = page
         load = gui.add_upload_button("Open task, plan or problem", hint="YAML or JSON")
         load.on_upload(page.in_background(self._open))
-        self._preset = gui.add_dropdown("camera", ("as stated", *PRESETS))
+        self._preset = gui.add_dropdown("camera", (_STATED, _OTHER, *PRESETS))
         self._preset.on_update(page.in_background(self._take_preset))
         camera = gui.add_upload_button("Camera from file", hint="a calibration file of any supported format")
         camera.on_upload(page.in_background(self._take_camera))
@@ -46,6 +50,14 @@ class FileTab:
         ):
             button = gui.add_button(label)
             button.on_click(page.in_background(partial(self._hand_out, name=name, make=make)))
+        page.listeners.append(self.follow)
+
+    def follow(self, situation: Situation) -> None:
+        """Show which camera counts now."""
+        known = {_STATED: self._page.stated_camera, **PRESETS}
+        name = next((name for name, camera in known.items() if camera == situation.camera), _OTHER)
+        if self._preset.value != name:
+            self._preset.value = name
 
     def _open(self, event: Any) -> None:
         with written(event.target.value) as path:
@@ -58,9 +70,11 @@ class FileTab:
         self._page.edit(lambda situation: situation.with_problem(camera=camera))
 
     def _take_preset(self, event: Any) -> None:
-        camera = PRESETS.get(str(event.target.value))
-        if camera is not None and event.client is not None:
-            self._page.edit(lambda situation: situation.with_problem(camera=camera))
+        if event.client is None:  # what `follow` has set
+            return
+        name = str(event.target.value)
+        camera = self._page.stated_camera if name == _STATED else PRESETS.get(name)
+        self._page.edit(lambda now: now if camera is None else now.with_problem(camera=camera))
 
     def _task(self) -> str:
         return task_text(edited_task(self._page.situation))
@@ -89,4 +103,5 @@ def written(file: Any) -> Iterator[Path]:
         try:
             yield path
         except InputError as error:
-            raise InputError(str(error).replace(f"{folder}/", "")) from None
+            said = str(error).replace(f"{folder}/", "")
+            raise InputError(said if path.name in said else f"{path.name}: {said}") from None

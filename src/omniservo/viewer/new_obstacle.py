@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -58,25 +57,19 @@ def new_obstacle(kind: str, situation: Situation) -> Obstacle:
     raise InputError(f"obstacle: {kind!r} given; no such kind")
 
 
-def obstacles_of_file(name: str, content: bytes) -> Sequence[Obstacle]:
+def obstacles_of_file(path: Path) -> Sequence[Obstacle]:
     """Return what a file holds: a mesh's convex parts, a cloud's points, or a problem file's obstacles [m].
 
     Raises:
         InputError: of another kind, or not legal.
     """
-    suffix = Path(name).suffix.lower()
-    with tempfile.TemporaryDirectory(prefix="omniservo-") as folder:
-        path = Path(folder) / f"file{suffix}"
-        path.write_bytes(content)
-        try:
-            if suffix in (".stl", ".obj", ".dae"):
-                return tuple(Mesh(part, file=name) for part in read_mesh(path))
-            if suffix in (".npy", ".xyz", ".txt", ".ply"):
-                return (Cloud(read_cloud(path), 0.0, file=name),)
-            fields = read_document(path)
-            listed = fields.get("obstacles") if isinstance(fields, dict) else None
-            if not isinstance(listed, list) or fields.get("format", FORMAT) != FORMAT:
-                raise InputError(f"{path}: no list of obstacles")
-            return tuple(o for item in listed for o in obstacles_from_fields(item))
-        except InputError as error:
-            raise InputError(str(error).replace(str(path), name)) from None
+    suffix = path.suffix.lower()
+    if suffix in (".stl", ".obj", ".dae"):
+        return tuple(Mesh(part, file=path.name) for part in read_mesh(path))
+    if suffix in (".npy", ".xyz", ".txt", ".ply"):
+        return (Cloud(read_cloud(path), 0.0, file=path.name),)
+    fields = read_document(path)
+    listed = fields.get("obstacles") if isinstance(fields, dict) else None
+    if not isinstance(listed, list) or fields.get("format", FORMAT) != FORMAT:
+        raise InputError(f"{path}: no list of obstacles")
+    return tuple(o for item in listed for o in obstacles_from_fields(item))

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from omniservo.planning.obstacles.obstacle import KINDS, Obstacle
+from omniservo.viewer.file_tab import written
 from omniservo.viewer.new_obstacle import new_obstacle, obstacles_of_file
 from omniservo.viewer.page import Page
 from omniservo.viewer.situation import Situation
@@ -121,8 +122,8 @@ class ObstacleTab:
         self._put(lambda situation: (new_obstacle(kind, situation),))
 
     def _load(self, event: Any) -> None:
-        file = event.target.value
-        found = obstacles_of_file(file.name, file.content)
+        with written(event.target.value) as path:
+            found = obstacles_of_file(path)
         self._put(lambda situation: found)
 
     def _put(self, made: Any) -> None:
