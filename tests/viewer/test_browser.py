@@ -120,3 +120,15 @@ def test_another_plan_is_in_sight_when_it_is_opened_and_its_start_is_where_it_is
     mouse.drag(start, 30.0, axis=2, steps=4)
     assert becomes(mouse.window, lambda: np.linalg.norm(start.position) > 0.005)
     mouse.window.close()
+
+
+@pytest.mark.slow
+def test_a_replay_has_room_for_its_scene_in_a_narrow_window(page, opened, tmp_path):
+    (tmp_path / "replay.html").write_text(page.replay())
+    window = opened.new_page(viewport={"width": 420, "height": 800})
+    window.goto((tmp_path / "replay.html").as_uri())
+    for part in ("iframe", "aside"):
+        assert window.locator(part).bounding_box()["width"] == 420
+    window.evaluate("document.querySelector('h1').textContent = 'x'.repeat(300)")
+    assert window.evaluate("document.documentElement.scrollWidth") <= 420
+    window.close()

@@ -23,6 +23,8 @@ VIEWS = (0.0, 0.5, 1.0)
 _STYLE = (
     "body{margin:0;display:flex;height:100vh;font-family:system-ui,sans-serif;color:#1c1f24;background:#fff}"
     "iframe{flex:1;border:0;min-width:0}aside{width:330px;overflow:auto;padding:10px;box-sizing:border-box}"
+    "aside{overflow-wrap:anywhere}@media (max-width:760px){body{flex-direction:column;height:auto}"
+    "iframe{flex:none;width:100%;height:70vh}aside{width:auto}}"
     "img{width:100%;display:block;margin:8px 0 0}figcaption{font-size:11px}figure{margin:0}"
     "@media (prefers-color-scheme:dark){body{background:#1a1b1e;color:#d5d7db}}"
 )
