@@ -20,6 +20,7 @@ import omniservo
 from omniservo.cameras import PRESETS
 from omniservo.cameras.models import KannalaBrandt
 from omniservo.errors import InputError
+from omniservo.reporting.values import _of_plan
 
 LENS = KannalaBrandt(35, 35, 79.5, 59.5, 160, 120, k=(0, 0, 0, 0), max_angle=1.9)
 
@@ -64,9 +65,23 @@ def test_a_plan_shows_its_status_and_what_is_least(plan):
     html = plan._repr_html_()
     said = rows(html)
     assert said["status"] == "certified"
-    assert said["clearance"] == "28.00 mm"
+    assert said["clearance"] == "≥ 28.00 mm"
     assert said["tightest"].startswith("clearance obstacle 0")
     assert image_of(html).std() > 3.0
+
+
+@pytest.mark.parametrize("clearance", [0.0279951, 0.0279999])
+def test_what_is_said_of_a_certified_plan_is_proven_however_it_is_rounded(clearance):
+    plan = omniservo.plan_path(omniservo.PlanningProblem.from_dict(problem(clearance=clearance)))
+    said = dict(_of_plan(plan)[0])
+    for name, proven in (
+        ("clearance", 1e3 * plan.least_clearance([0])),
+        ("points to the image's limits", plan.least_visibility()),
+    ):
+        bound, number, _ = said[name].split()
+        assert bound == "≥"
+        assert proven - 1.0 < float(number) <= proven
+    assert "≥" not in dict(_of_plan(replace(plan, status="undecided"))[0])["clearance"]
 
 
 def test_a_long_reason_stands_whole_over_a_plan_s_figure(plan):

@@ -32,7 +32,7 @@ from omniservo.reporting.html import Markup, inlined, tag
 from omniservo.reporting.moment_figure import draw_moment
 from omniservo.reporting.path_3d import path_3d
 from omniservo.reporting.run_summary import how_it_ended
-from omniservo.reporting.spelling import spell
+from omniservo.reporting.spelling import spell, spell_bound
 from omniservo.reporting.style import styled
 from omniservo.reporting.view_figures import residual_figure, views_figure
 from omniservo.results.run_result import RunResult
@@ -132,10 +132,11 @@ def _of_camera(camera: CentralModel) -> Shown:
 def _of_plan(plan: Plan) -> Shown:
     path, certificate = plan.path, plan.certificate
     worst = None if certificate is None or not certificate.constraints else certificate.worst
+    said = spell_bound if plan.status == "certified" else spell
     rows = [
         ("status", plan.status + (f": {plan.reason}" if plan.reason else "")),
-        ("clearance", spell(plan.least_clearance(range(len(plan.problem.obstacles))), "m")),
-        ("points to the image's limits", spell(plan.least_visibility(), "px")),
+        ("clearance", said(plan.least_clearance(range(len(plan.problem.obstacles))), "m")),
+        ("points to the image's limits", said(plan.least_visibility(), "px")),
         ("tightest", "–" if worst is None else f"{worst.name}, at w = {worst.w:.3f}"),
         ("degrees, time", f"{'–' if path is None else path.degrees}, {spell(plan.seconds, 's')}"),
     ]
