@@ -1,5 +1,6 @@
 """Planning again on the way: nothing jumps, nothing unproven is followed, nothing is done without cause."""
 
+from contextlib import suppress
 from dataclasses import replace
 from itertools import pairwise
 
@@ -67,6 +68,14 @@ def arm():
         return PathLimits(joints, 0.5 * rx60.joint_speed, 0.5 * rx60.joint_acceleration)
 
     return found.plan, FollowingArm(setting, found.branch, limits)
+
+
+def hardly_accelerating(carried):
+    """The arm with a twentieth of its accelerations: it cannot turn into another way as fast as it moves."""
+    arm = carried.setting.arm
+    return replace(
+        carried, limits=lambda _, joints: PathLimits(joints, arm.joint_speed, 0.05 * arm.joint_acceleration)
+    )
 
 
 def test_pose_and_twist_of_the_reference_have_no_jump_at_any_time_of_any_change():
@@ -199,13 +208,7 @@ def test_a_way_entered_too_fast_for_its_bend_is_taken_up_after_the_old_one_was_s
 
 @pytest.mark.parametrize("later", [0.033, 0.1, 0.2])
 def test_what_changes_while_the_old_way_is_slowed_down_is_answered_from_where_the_new_one_begins(arm, later):
-    plan, carried = arm
-    rx60 = carried.setting.arm
-
-    def limits(path, joints):
-        return PathLimits(joints, rx60.joint_speed, 0.05 * rx60.joint_acceleration)
-
-    tracker, replanner = following(arm=replace(carried, limits=limits), plan=plan)
+    tracker, replanner = following(arm=hardly_accelerating(arm[1]), plan=arm[0])
     first = Sphere(PLAN.path(0.65).translation + np.array([0.0, 0.004, 0.0]), 0.02)
     replanner.set_obstacles([first])
     event = replanner.look(1.4)
@@ -219,6 +222,48 @@ def test_what_changes_while_the_old_way_is_slowed_down_is_answered_from_where_th
     assert fast == pytest.approx(slow, abs=1e-7)
     ways = again.leg.path.positions(np.linspace(0.0, 1.0, 200))
     assert min(other.distance(ways).min() for other in (first, ball)) >= 0.03
+
+
+def test_the_old_way_is_not_slowed_down_on_past_something_that_leaves_it_no_room(arm):
+    """A ball beside the middle of that part: its beginning and its end keep what is required."""
+    plan, carried = arm[0], hardly_accelerating(arm[1])
+    first = Sphere(PLAN.path(0.65).translation + np.array([0.0, 0.004, 0.0]), 0.02)
+    _, replanner = following(arm=carried, plan=plan)
+    replanner.set_obstacles([first])
+    slow, _ = replanner.look(1.4).legs
+    s = 0.6 * slow.law(slow.time + 0.3)[0]
+    way = np.diff(slow.path.positions(np.array([s - 1e-3, s])), axis=0)[0]
+    beside = np.cross(way, [0.0, 0.0, 1.0])
+    aside = Rotation.from_rotvec(4.0 * way / np.linalg.norm(way)).apply(beside / np.linalg.norm(beside))
+    ball = Sphere(slow.path(s).translation + 0.0348 * aside, 0.005)
+    _, again = following(arm=carried, plan=plan)
+    again.set_obstacles([first, ball])
+    with pytest.raises(Blocked, match="the joints cannot turn into the way found as fast"):
+        again.look(1.4)
+
+
+def test_a_way_is_kept_only_if_all_of_it_is_proven_up_to_the_goal():
+    """A ball beside the last twentieth of the way alone."""
+    place, way = PLAN.path(0.95).translation, PLAN.path(0.95, 1)[:3]
+    beside = np.cross(PLAN.path(0.95).rotation.apply(way), [0.0, 0.0, 1.0])
+    ball = Sphere(place + 0.0349 * beside / np.linalg.norm(beside), 0.005)
+    line = np.linspace(0.0, 1.0, 401)
+    near = line[ball.distance(PLAN.path.positions(line)) < 0.03]
+    assert 0.9 < near.min() < near.max() < 1.0
+    _, replanner = following()
+    replanner.set_obstacles([AWAY, ball])
+    with suppress(Blocked):
+        replanner.look(1.0)
+    assert replanner.events[-1].outcome != "kept"
+
+
+def test_what_is_required_alone_is_judged_among_the_obstacles_of_now():
+    tracker = PathTracker(PLAN, CAMERA, time_law=LAW)
+    replanner = Replanner(tracker, PLAN, required=replace(PROBLEM, clearance=0.02))
+    replanner.set_obstacles([AWAY, Sphere(GOAL.translation, 0.01)])
+    with pytest.raises(Blocked, match="goal pose"):
+        replanner.look(1.0)
+    assert len(tracker.legs) == 1
 
 
 def test_a_way_that_is_still_proven_is_kept():
