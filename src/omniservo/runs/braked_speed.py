@@ -12,15 +12,16 @@ from omniservo.robots import Arm, JointPath
 from omniservo.safety import SafetyOptions
 
 _LEAST_ROOM = math.radians(0.5)
-"""Room of a joint nearer to an end than plans keep [rad]: it has to go on from there, be it slowly."""
+"""What a joint counts as having that is nearer to an end than plans keep [rad]: it has to go on from there,
+be it slowly."""
 
 
 def braked_speed(
     arm: Arm, joints: JointPath, options: SafetyOptions, share: float
 ) -> Callable[[FloatArray], FloatArray]:
-    """Return the greatest ẇ (m,) [1/s] of w (m,) with which a share of the joints' room is enough to brake.
+    """Return the greatest ẇ (m,) [1/s] at w (m,) that a share of the way to each end is enough to brake from.
 
-    The supervisor stops an arm of which a joint that turns outwards needs more than its room d to the end of
+    The supervisor stops an arm of which a joint that turns outwards needs more than its way d to the end of
     its range, less ``joint_reserve``: q̇ T + q̇²/(2a) ≤ share · d, T its reaction, a the joint's acceleration.
 
     Args:

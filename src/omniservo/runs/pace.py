@@ -86,7 +86,7 @@ def limits_of(
         path: of the camera, in the frame of the points.
         joints: that follow it.
         points: (n, 3) [m].
-        share: of joint speeds, accelerations and room to the ends of ranges.
+        share: of joint speeds, accelerations and the ways to the ends of ranges.
     """
     pixels, braked = _image_speed_limit(task, path, points), _braked(task, arm, joints, share)
 
