@@ -44,15 +44,24 @@ def test_a_palette_and_two_colours_are_read_as_what_they_stand_for(tmp_path):
     assert np.array_equal(read_grey_image(tmp_path / "two.png"), np.where(GREY > 127, 255, 0))
 
 
-def test_an_image_is_as_it_is_stored_whatever_orientation_it_states_and_the_first_of_several(tmp_path):
-    turned = Image.Exif()
-    turned[0x112] = 6
-    Image.fromarray(GREY).save(tmp_path / "turned.png", exif=turned)
-    Image.fromarray(GREY).save(
-        tmp_path / "moving.gif", save_all=True, append_images=[Image.fromarray(255 - GREY)]
-    )
-    for name in ("turned.png", "moving.gif"):
-        assert np.array_equal(read_grey_image(tmp_path / name), GREY)
+@pytest.mark.parametrize("orientation", range(1, 9))
+@pytest.mark.parametrize("kind", ["png", "tif", "webp"])
+def test_an_image_is_as_it_is_stored_whatever_orientation_it_states(kind, orientation, tmp_path):
+    exif = Image.Exif()
+    exif[0x0112] = orientation
+    stored = COLOURS.copy()
+    stored[:20] = 0  # no symmetry
+    lossless = {"lossless": True} if kind == "webp" else {}
+    Image.fromarray(stored).save(tmp_path / f"image.{kind}", exif=exif, **lossless)
+    assert np.array_equal(read_image(tmp_path / f"image.{kind}"), stored)
+    assert np.array_equal(read_grey_image(tmp_path / f"image.{kind}"), stored[..., 0])
+    assert image_files.image_size(tmp_path / f"image.{kind}") == (256, 40)
+
+
+def test_of_several_images_in_a_file_the_first_is_read(tmp_path):
+    both = Image.fromarray(GREY), Image.fromarray(255 - GREY)
+    both[0].save(tmp_path / "moving.gif", save_all=True, append_images=both[1:])
+    assert np.array_equal(read_grey_image(tmp_path / "moving.gif"), GREY)
 
 
 @pytest.mark.parametrize("read", [read_image, read_grey_image])

@@ -28,6 +28,20 @@ MOST_BYTES = 2**29
 FORMATS = ("PNG", "JPEG", "TIFF", "BMP", "PPM", "WEBP", "GIF")
 """Formats of images that are read; others may start programs, as EPS does."""
 
+_ORIENTATION = 0x0112
+"""the tag of EXIF and TIFF that says how an image is to be turned for show"""
+
+_BACK = {
+    2: Image.Transpose.FLIP_LEFT_RIGHT,
+    3: Image.Transpose.ROTATE_180,
+    4: Image.Transpose.FLIP_TOP_BOTTOM,
+    5: Image.Transpose.TRANSPOSE,
+    6: Image.Transpose.ROTATE_90,
+    7: Image.Transpose.TRANSVERSE,
+    8: Image.Transpose.ROTATE_270,
+}
+"""what undoes how Pillow turns a TIFF, and no other format, by its orientation"""
+
 _VIDEOS = (".mp4", ".mov", ".avi", ".mkv", ".webm", ".m4v")
 
 
@@ -108,7 +122,8 @@ def _opened(path: str | Path) -> Iterator[Any]:
             width, height = picture.size
             if width * height > MOST_PIXELS:
                 raise InputError(f"{path}: {width}×{height} pixels; at most {MOST_PIXELS} are read")
-            yield picture
+            back = _BACK.get(picture.getexif().get(_ORIENTATION, 1)) if picture.format == "TIFF" else None
+            yield picture if back is None else picture.transpose(back)
     except InputError:
         raise
     except UnidentifiedImageError:
