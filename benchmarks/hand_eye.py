@@ -1,9 +1,10 @@
 """Hand-eye calibration: a real arm's views, rendered fisheye pictures, drawn corners of a robot that errs.
 
 Run: ``python -m benchmarks.hand_eye [runs]``. The real views are read from ``../shared/data`` beside the
-project; where they are absent the table says so. "Closed form" is OpenCV's, by Park & Martin where nothing
-else is said; "pixels alone" is least squares of the corners' reprojection errors, the robot's poses taken as
-exact. Scatter: how far the boards of single views are from their mean, position and rotation.
+project; where they are absent the table says so. "Closed form" of the real views is OpenCV's (4; 5 has it
+not), else ours, which is Park & Martin's; "pixels alone" is least squares of the corners' reprojection
+errors, the robot's poses taken as exact. Scatter: how far the boards of single views are from their mean,
+position and rotation.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 from benchmarks.tables import print_table
-from scipy.spatial.transform import RigidTransform
+from scipy.spatial.transform import RigidTransform, Rotation
 from scipy.stats import chi2
 from tests.calibration.hand_eye_scenes import (
     BOARD,
@@ -61,15 +62,24 @@ def board_poses(camera: UnifiedCamera, pixels: list[Array], points: list[Array])
     return [pose.inv() for pose in poses]
 
 
-def by_closed_form(
+def by_opencv(
     base_T_flange: list[RigidTransform], camera_T_board: list[RigidTransform], method: int
 ) -> RigidTransform:
-    """Return flange_T_camera of a method of OpenCV's."""
+    """Return flange_T_camera of a closed form of OpenCV's."""
+    robot, seen = (
+        ([pose.rotation.as_matrix() for pose in poses], [pose.translation for pose in poses])
+        for poses in (base_T_flange, camera_T_board)
+    )
+    R, t = cv2.calibrateHandEye(*robot, *seen, method=method)
+    return RigidTransform.from_components(t.ravel(), Rotation.from_matrix(R))
+
+
+def by_closed_form(
+    base_T_flange: list[RigidTransform], camera_T_board: list[RigidTransform]
+) -> RigidTransform:
+    """Return flange_T_camera of our closed form."""
     A, B = (np.stack([pose.as_matrix() for pose in poses]) for poses in (base_T_flange, camera_T_board))
-    found = closed_form(A, B, method)
-    if found is None:
-        raise ArithmeticError("the closed form fails")
-    return RigidTransform.from_matrix(found)
+    return RigidTransform.from_matrix(closed_form(A, B))
 
 
 def by_pixels_alone(
@@ -123,9 +133,10 @@ def real_rows() -> Iterator[str]:
         pixels, points = [v.pixels for v in views], [v.object_points for v in views]
         poses = board_poses(camera, pixels, points)
         head = f"{1e3 * square:.2f} mm"
-        for name, method in METHODS.items():
-            X = by_closed_form(base_T_flange, poses, method)
+        for name, method in METHODS.items() if hasattr(cv2, "calibrateHandEye") else ():
+            X = by_opencv(base_T_flange, poses, method)
             yield f"{head} | closed form, {name} | {_place(X)} | {scatter(base_T_flange, X, poses)} | – | –"
+        X = by_closed_form(base_T_flange, poses)
         X = by_pixels_alone(camera, base_T_flange, pixels, points, X)
         yield f"{head} | pixels alone | {_place(X)} | {scatter(base_T_flange, X, poses)} | – | –"
         found = calibrate_hand_eye(camera, base_T_flange, pixels, points)
@@ -209,7 +220,7 @@ def drawn_rows(runs: int) -> Iterator[str]:
 
 def _every_way(camera: UnifiedCamera, drawn: Any) -> tuple[HandEye, dict[str, RigidTransform]]:
     poses = board_poses(camera, drawn.pixels, drawn.points)
-    closed = by_closed_form(drawn.base_T_flange, poses, cv2.CALIB_HAND_EYE_PARK)
+    closed = by_closed_form(drawn.base_T_flange, poses)
     alone = by_pixels_alone(camera, drawn.base_T_flange, drawn.pixels, drawn.points, closed)
     found = calibrate_hand_eye(camera, drawn.base_T_flange, drawn.pixels, drawn.points)
     return found, {"closed": closed, "pixels": alone}
