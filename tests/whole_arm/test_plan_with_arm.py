@@ -326,17 +326,19 @@ def test_a_start_outside_its_limits_is_refused_with_joint_and_range():
         replace(setting, clearance=-0.1)
 
 
-def test_where_images_lead_joints_keep_three_degrees_or_what_they_have_at_the_start():
+def test_for_visual_servoing_joints_keep_three_degrees_or_what_they_have_at_the_start():
     _, setting = certified_task()
     assert setting.limit_reserve == np.radians(1.0)
-    assert setting.led.limit_reserve == replace(setting, start=None).led.limit_reserve == np.radians(3.0)
+    assert (
+        setting.servoed.limit_reserve == replace(setting, start=None).servoed.limit_reserve == np.radians(3.0)
+    )
     more = replace(setting, limit_reserve=np.radians(4.0))
-    assert more.led.limit_reserve == np.radians(4.0)
+    assert more.servoed.limit_reserve == np.radians(4.0)
     for kept in (2.0, 1.0):
         near = setting.start.copy()
         near[1] = setting.arm.joint_range[1, 1] - np.radians(kept)
-        led = replace(setting, start=near, limit_reserve=0.0).led
-        assert led.limit_reserve == pytest.approx(np.radians(kept), abs=2e-6)
+        servoed = replace(setting, start=near, limit_reserve=0.0).servoed
+        assert servoed.limit_reserve == pytest.approx(np.radians(kept), abs=2e-6)
 
 
 def test_any_start_is_tried_where_none_is_stated():

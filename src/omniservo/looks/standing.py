@@ -66,12 +66,12 @@ class ViewingState:
 
     @property
     def planned_setting(self) -> ArmSetting:
-        """The arm with its tube, or with what joints keep without one where images lead them.
+        """The arm with its tube, or with what joints keep without one for visual servoing.
 
         Raises:
             InputError: a joint stands nearer to the end of its range than that.
         """
-        return replace(self.setting, tube=self.tube).led
+        return replace(self.setting, tube=self.tube).servoed
 
     @property
     def start(self) -> FloatArray:

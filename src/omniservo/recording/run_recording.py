@@ -190,9 +190,8 @@ def _begun(path: Path) -> tuple[Path, BinaryIO]:
     while True:
         unfinished = path.with_name(f"{next(stems)}.unfinished.mcap")
         try:
-            if not unfinished.is_file():  # a device may be there
-                return unfinished, unfinished.open("wb" if unfinished.exists() else "xb")
-        except FileExistsError:  # by now
+            return unfinished, unfinished.open("wb" if unfinished.is_char_device() else "xb")
+        except FileExistsError:
             continue
         except OSError as error:
             raise NotWritten(unfinished, error.strerror or str(error)) from None

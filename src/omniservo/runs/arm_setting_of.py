@@ -21,7 +21,7 @@ TRACKING_PART = 0.5
 def arm_setting_of(task: Task, scene: Scene, *, with_tube: bool = True) -> ArmSetting:
     """Return arm and camera where they stand, on the floor, with the task's clearance and tracking margin.
 
-    ``with_tube``: of a path that images lead along; else of a move that the joints lead.
+    ``with_tube``: for visual servoing; False: for a move along a joint path.
     """
     planning, asked = task.planning, task.planning.arm_clearance
     setting = ArmSetting(
@@ -34,7 +34,7 @@ def arm_setting_of(task: Task, scene: Scene, *, with_tube: bool = True) -> ArmSe
         clearance=None if asked is None else asked + planning.tracking_margin,
         tube=tube_of(task) if with_tube else None,
     )
-    return setting.led if with_tube else setting
+    return setting.servoed if with_tube else setting
 
 
 def tube_of(task: Task) -> Tube | None:

@@ -16,7 +16,7 @@ from omniservo.robots.collision.posture_gaps import PostureGaps
 from omniservo.studies.study_arms import StudyArm
 from omniservo.whole_arm import ArmSetting
 from omniservo.whole_arm.arm_ends import violation_at_goal, violation_at_start
-from omniservo.whole_arm.arm_setting import LED_RESERVE
+from omniservo.whole_arm.arm_setting import SERVO_RESERVE
 
 _TRIED = 40
 """joint configurations at the start, for one start and goal"""
@@ -90,7 +90,7 @@ class PlacedArm:
         Joints and singular value keep more than what the supervisor stops the arm at: it moves.
         """
         kept = self._setting(self.stated.flange_T_camera.transform, clearance)
-        return replace(kept, limit_reserve=LED_RESERVE, singular_value=_TRACKED * SINGULAR_VALUE)
+        return replace(kept, limit_reserve=SERVO_RESERVE, singular_value=_TRACKED * SINGULAR_VALUE)
 
     def true_setting(self) -> ArmSetting:
         """Return the arm as it is; links and the camera's housing may come as near as they can."""

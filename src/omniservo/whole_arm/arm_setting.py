@@ -35,9 +35,9 @@ from omniservo.whole_arm.solids_of import solids_of
 LIMIT_RESERVE = math.radians(1.0)
 """What joints keep to the ends of their ranges [rad], where nothing else is required."""
 
-LED_RESERVE = math.radians(3.0)
-"""What they keep where images lead the arm [rad], but no more than at its start: noise turns joints outwards,
-and the supervisor stops an arm its braking distance and 1° before an end."""
+SERVO_RESERVE = math.radians(3.0)
+"""What they keep along a path that is servoed by images [rad], but no more than at its start: noise turns
+joints outwards, and the supervisor stops an arm its braking distance and 1° before an end."""
 
 _ROUNDING = 1e-6
 """[rad] of the joints at the start"""
@@ -114,12 +114,12 @@ class ArmSetting:
         return self.flange_T_camera.inv()
 
     @property
-    def led(self) -> ArmSetting:
-        """The same for a path that images lead along: its joints keep `LED_RESERVE`, or what a tube says."""
+    def servoed(self) -> ArmSetting:
+        """The same for visual servoing: joints keep `SERVO_RESERVE`, or what a tube says, to range ends."""
         if self.tube is not None:
             return self
         room = np.inf if self.start is None else float(self.arm.limit_margins(self.start).min())
-        return replace(self, limit_reserve=max(self.limit_reserve, min(LED_RESERVE, room - _ROUNDING)))
+        return replace(self, limit_reserve=max(self.limit_reserve, min(SERVO_RESERVE, room - _ROUNDING)))
 
     def base_T_flange(self, initial_T_camera: RigidTransform) -> RigidTransform:
         """Return the flange's pose for a pose of the camera."""
