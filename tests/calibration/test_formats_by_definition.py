@@ -122,6 +122,10 @@ def test_colmaps_binary_cameras_are_those_of_the_text(tmp_path):
         (1, 11, (1.0,) * 16), (2, 13, (1.0,) * 5), (3, 16, (191.0, 192.0, 3.0, 4.0, 0.6, 1.1))
     )
     assert load_model(written(tmp_path, newer), name="3").beta == 1.1
+    fisheyes = cameras_bin((1, 12, (1.0,) * 4), (2, 14, (191.0, 3.0, 4.0)), (3, 15, (191.0, 192.0, 3.0, 4.0)))
+    assert load_model(written(tmp_path, fisheyes), name="2").fy == 191.0
+    assert load_model(written(tmp_path, fisheyes), name="3").fy == 192.0
+    newer = cameras_bin((1, 11, (1.0,) * 16))
     with pytest.raises(InputError, match="camera 1: 'RAD_TAN_THIN_PRISM_FISHEYE' given"):
         load_model(written(tmp_path, newer), name="1")
     for cut in (9, len(content) - 1):

@@ -152,11 +152,14 @@ def test_a_joint_that_nears_the_end_of_its_range_goes_as_fast_as_the_supervisor_
             if path is joints and share == 1.0:
                 with pytest.raises(JointLimit, match="would stop at"):
                     watch.check(RobotState(0.0, q, 0.0 * q), 1.001 * fastest)
+    assert braked_speed(arm, joints, options, 0.5)(np.array([0.8])) < 0.9 * braked_speed(
+        arm, joints, options, 1.0
+    )(np.array([0.8]))
 
 
 def test_the_law_is_bounded_by_what_braking_within_the_joints_ranges_needs(planned):
     w, found = np.linspace(0.0, 1.0, 33), exposed(planned)
     most = braked_speed(planned[1].arm, found.joints, SafetyOptions(), JOINT_SHARE)(w)
     np.testing.assert_array_equal(found.limits.top_path_speed(w), most)
-    blurred = exposed(planned, exposure=0.2)
+    blurred = exposed(planned, exposure=1e-4)  # which bears more at some places than the joints do
     assert (blurred.limits.top_path_speed(w) <= most).all()
