@@ -26,6 +26,13 @@ def is_planned_at_risk(there, risk=0.005):
     ).ok
 
 
+def test_what_is_planned_from_a_look_keeps_what_servoing_needs_of_joint_ranges(standing):
+    here = standing()
+    assert (
+        here.planned_setting.limit_reserve == here.setting.servoed.limit_reserve > here.setting.limit_reserve
+    )
+
+
 @pytest.mark.slow
 def test_a_start_near_a_singularity_is_left_by_a_certified_move_to_where_there_is_a_plan(standing, tube):
     here = standing(start=SINGULAR, tube=tube)

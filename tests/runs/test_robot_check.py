@@ -122,6 +122,7 @@ def test_the_stand_in_of_universal_robots_stops_when_commands_cease():
         (in_protective_stop(), Frames(), "the arm is in protective stop"),
         (WallClockArm(START), NoFrames(), "no images come"),
         (WallClockArm(START), Frames(age=0.6), "1% of the images are 0."),
+        (WallClockArm(START), Frames(age=0.6), "the arm waits for images from"),
         (
             WallClockArm(START + np.deg2rad([0.0, 0.0, 75.0, 0.0, 0.0, 0.0])),
             Frames(),
@@ -133,7 +134,7 @@ def test_the_stand_in_of_universal_robots_stops_when_commands_cease():
             "a joint is out of the arm file's range",
         ),
     ],
-    ids=["protective stop", "no images", "old images", "another zero", "out of range"],
+    ids=["protective stop", "no images", "old images", "images waited for", "another zero", "out of range"],
 )
 def test_what_is_wrong_is_found_and_nothing_moves(monkeypatch, arm, frames, finding):
     monkeypatch.setattr(robot_check, "SECONDS", 1.2)
