@@ -5,6 +5,7 @@ import pytest
 from scipy.optimize import least_squares
 from scipy.spatial.transform import RigidTransform, Rotation
 
+from omniservo.cameras import UnifiedCamera
 from omniservo.errors import InputError
 from omniservo.estimation import refine_pose, refine_pose_kernel
 
@@ -95,6 +96,24 @@ def test_a_guess_that_puts_points_outside_the_domain_is_a_failure_not_nan(make_s
     found = refine_pose(scene.camera, scene.points, scene.pixels_goal, behind)
     assert not found.ok
     assert found.reference_T_camera is None
+
+
+def test_where_two_poses_of_a_tag_are_about_to_become_one_the_valley_is_followed_to_its_end():
+    """In a run with a tag of 60 px: a failure is taken for an image that no pose explains."""
+    camera = UnifiedCamera(420.0, 420.0, 319.5, 239.5, 0.0, 640, 480)
+    points = [
+        [0.04079, -0.04516, 0.58686],
+        [0.11655, -0.01047, 0.58526],
+        [0.08184, 0.0651, 0.57987],
+        [0.00608, 0.03042, 0.58147],
+    ]
+    pixels = [[347.42613, 209.97712], [403.18165, 235.21395], [378.58682, 289.51158], [323.0408, 264.72957]]
+    guess = RigidTransform.from_components(
+        [-0.00105, -0.00238, 0.00248], Rotation.from_quat([0.00187, 0.00157, 0.00214, 0.99999])
+    )
+    found = refine_pose(camera, points, pixels, guess)
+    assert found.ok
+    assert found.rms_px == pytest.approx(0.388, abs=0.001)
 
 
 def test_kernel_leaves_its_arguments_alone(make_scene):

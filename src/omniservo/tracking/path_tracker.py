@@ -21,7 +21,7 @@ from omniservo.tracking.gate import GATE
 from omniservo.tracking.goal_blend import GoalBlend
 from omniservo.tracking.goal_image import GoalImage
 from omniservo.tracking.leg import Leg
-from omniservo.tracking.pose_filter import predict_state, reset
+from omniservo.tracking.pose_filter import covariance_at_start, predict_state
 from omniservo.tracking.reference import Reference
 from omniservo.tracking.stop_criterion import StopCriterion
 from omniservo.tracking.structure_refinement import StructureRefinement
@@ -365,9 +365,7 @@ class PathTracker:
     def _predicted(self, time: float) -> _Estimate:
         """Return the pose filter's estimate for ``time`` [s]."""
         if self.report is None:
-            covariance = np.empty((6, 6))
-            reset(covariance)
-            return self._way.pose(time), covariance, self._residuals
+            return self._way.pose(time), covariance_at_start(), self._residuals
         estimated_pose, covariance = self._estimated_pose.copy(), self._pose_covariance.copy()
         since = self.report.time
         predict_state(estimated_pose, covariance, *self._moved(since, time), time - since)

@@ -24,11 +24,19 @@ UNPLANNED_SPEED = 0.01
 UNPLANNED_TURN = 0.02
 """likewise of the angular velocity [rad/s]"""
 
-UNKNOWN = 1e3
-"""Variance of the first estimate [m²], [rad²]: the first image alone decides."""
+START_TURN = 0.05
+"""σ of the orientation before the first image [rad]: a plan is followed from where it begins. An image of few
+points close together leaves two orientations, often more than 10° apart, and may favour the wrong one."""
 
-LEAST_PIXEL_VARIANCE = 0.02**2
-"""No pixel is known better [px²]: a few residuals that happen to vanish do not make a pose certain."""
+UNKNOWN = 1e3
+"""Variance of the position before the first image [m²], which alone decides it"""
+
+LEAST_PIXEL_SIGMA = 0.02
+"""No pixel is known better [px],"""
+
+FEW_RESIDUALS_SIGMA = 0.6
+"""nor better than this over the residuals' degrees of freedom [px]: the two of one image of four points are
+a tenth of what they should be once in ten times."""
 
 MEMORY = 60.0
 """degrees of freedom: of so many residuals, the latest, is the pixels' variance"""
@@ -51,12 +59,9 @@ ENOUGH = 1e-8
 LEAST_PIVOT = 1e-15
 
 
-@leaf
-def reset(covariance: FloatArray) -> None:
-    """Make the covariance (6, 6) that of a pose of which nothing is known."""
-    for i in range(6):
-        for k in range(6):
-            covariance[i, k] = UNKNOWN if i == k else 0.0
+def covariance_at_start() -> FloatArray:
+    """Return the covariance (6, 6) of a camera that stands where a plan begins, before its first image."""
+    return np.diag(np.repeat((UNKNOWN, START_TURN**2), 3))
 
 
 @kernel
@@ -206,7 +211,8 @@ def _pixel_variance(residuals: FloatArray, cost: float, degrees: float) -> float
     residuals[0] = kept * residuals[0] + cost
     residuals[1] = kept * residuals[1] + degrees
     wider = WIDER[min(int(residuals[1]), len(WIDER) - 1)]
-    return float(max(wider * residuals[0] / residuals[1], LEAST_PIXEL_VARIANCE))
+    least = max(LEAST_PIXEL_SIGMA, FEW_RESIDUALS_SIGMA / max(residuals[1], 1.0))
+    return float(max(wider * residuals[0] / residuals[1], least * least))
 
 
 @kernel

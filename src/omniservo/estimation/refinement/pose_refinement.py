@@ -15,8 +15,9 @@ from omniservo.geometry.quaternions import matrix_from_quaternion, turn_quaterni
 LEAST_POINTS = 4
 """Three points leave up to four poses and nothing to check them by."""
 
-MOST_STEPS = 60
-"""Accepted and rejected; where a plane's two poses are about to become one, the valley is flat."""
+MOST_STEPS = 200
+"""Accepted and rejected; ten are enough but where a plane's two poses are about to become one: there the
+valley is flat, and 60 were too few for one image of a tag of 60 px in some thousand."""
 
 ROBUST_STEPS = 6
 LEAST_PIVOT = 1e-12
