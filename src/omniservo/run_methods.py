@@ -54,8 +54,12 @@ METHODS = {
 """Those of this package."""
 
 
-def run_method(name: str) -> RunMethod:
+def run_method(name: str, besides: tuple[str, ...] = ()) -> RunMethod:
     """Return a method of `METHODS`, or one from a file, ``FILE.py:CLASS``.
+
+    Args:
+        name: of the method.
+        besides: what the caller takes in place of a method; a refusal names it as legal.
 
     Raises:
         InputError: neither.
@@ -66,7 +70,7 @@ def run_method(name: str) -> RunMethod:
     if file.endswith(".py") and own.isidentifier():
         called = f"{Path(file).stem}.{own}"
         return RunMethod(called, called, source=name)
-    legal = (*METHODS, COMPARE)
+    legal = (*METHODS, *besides)
     raise InputError(
         f"method: {spelled(name)} given; legal: {', '.join(legal)}, or FILE.py:CLASS"
         f"{did_you_mean(name, legal)}"
@@ -80,7 +84,9 @@ def run_methods(names: Iterable[str]) -> tuple[RunMethod, ...]:
         InputError: an unknown name, or none.
     """
     every = [each for name in names for each in (COMPARED if name == COMPARE else (name,))]
-    found = tuple({method.name: method for method in map(run_method, every)}.values())
+    found = tuple(
+        {method.name: method for method in (run_method(each, (COMPARE,)) for each in every)}.values()
+    )
     if not found:
         raise InputError("method: none given; at least one is needed")
     return found

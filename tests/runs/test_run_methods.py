@@ -159,6 +159,13 @@ def test_methods_by_name():
         run_methods([])
 
 
+def test_compare_is_named_as_legal_where_it_is_taken():
+    with pytest.raises(InputError, match=r"legal: .*, switched, or FILE.py:CLASS$"):
+        run_method("compare")
+    with pytest.raises(InputError, match=r"switched, compare, or .*did you mean 'compare'"):
+        run_methods(["conpare"])
+
+
 @pytest.mark.parametrize(
     ("wrong", "words"),
     [("pbsv", "did you mean 'pbvs'"), ("mine.py", "FILE.py:CLASS"), ("x.py:a b", "legal: certified")],
