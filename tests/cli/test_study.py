@@ -54,6 +54,8 @@ def test_shards_are_run_and_merged_by_commands(small, tmp_path, capsys):
     code, out, _ = call(capsys, "study", "merge", tmp_path / "1", tmp_path / "2", "--out", tmp_path / "all")
     assert code == 0
     assert "certificates verified again" in out
+    with_balls = sum(row.obstacles > 0 for row in rows_of(tmp_path / "all") if row.method == "ibvs")
+    assert f"% of {with_balls} " in next(line for line in out.splitlines() if line.startswith("ibvs"))
     assert len(rows_of(tmp_path / "all")) == 12
     code, out, _ = call(capsys, "study", "compare", tmp_path / "all", tmp_path / "all")
     assert code == 0

@@ -223,7 +223,7 @@ def _say(output: Output, out: Path, done: _Finished) -> None:
         low, high = (100 * end for end in each.success.interval)
         output.line(
             f"{each.method:<15} success {percent(each.success):>6} ({low:.0f} to {high:.0f}%)  "
-            f"collision {percent(each.collision):>6}  {_of_arms(each)}"
+            f"collision {percent(each.collision):>6} of {each.collision.of}  {_of_arms(each)}"
             f"feature lost {percent(each.feature_lost):>6}  {done.cpu_seconds[each.method]:.2f} CPU s a row"
         )
     output.written(out / "report.html")
