@@ -33,3 +33,15 @@ def test_a_row_that_crashed_has_a_report_with_its_error_escaped(study, undisturb
     assert "ValueError: &lt;script&gt;" in report
     assert json.loads((tmp_path / "row.json").read_text())["reason"] == reason
     assert sorted(path.name for path in tmp_path.iterdir()) == ["report.html", "row.json", "row.png"]
+
+
+def test_a_row_that_arrived_and_collided_is_headed_by_the_collision(study, undisturbed, tmp_path):  # noqa: F811
+    row = replace(
+        rows_of(undisturbed)[1], status="converged", reason="", success=False, collision=True,
+        final_rotation_error_rad=0.01,
+    )  # fmt: skip
+    write_row_report(tmp_path, study, RowResult(row))
+    report = (tmp_path / "report.html").read_text()
+    assert "<strong>Collision. </strong>" in report
+    assert "No success" not in report
+    assert '<th scope="row">final rotation error</th><td>0.573°</td>' in report

@@ -172,7 +172,7 @@ def _html(study: Study, row: StudyRow, drawings: list[Drawing], planned: bool) -
     carried = "" if row.arm == "none" else f" on {row.arm}"
     title = f"Row {row.row} of study {study.name}"
     ended = f"{row.status}{': ' if row.reason else ''}{row.reason}".replace("_", " ", 1)
-    said = "Success. " if row.success else "No success. "
+    said = "Success. " if row.success else "Collision. " if row.collision else "No success. "
     body: list[Markup] = [
         banner(title, f"{row.method} with the camera {row.camera}{carried}"),
         judged(row.success, tag("strong", said), ended),
@@ -186,7 +186,13 @@ def _html(study: Study, row: StudyRow, drawings: list[Drawing], planned: bool) -
 
 
 def _lines(row: StudyRow) -> list[list[str]]:
-    return [[name.replace("_", " "), _said(name, value)] for name, value in fields_of_row(row).items()]
+    return [[_label(name), _said(name, value)] for name, value in fields_of_row(row).items()]
+
+
+def _label(name: str) -> str:
+    """Return a field's name in words, without the unit that stands behind its value."""
+    stem, _, unit = name.rpartition("_")
+    return (stem if stem and unit in _UNITS else name).replace("_", " ")
 
 
 def _said(name: str, value: object) -> str:
