@@ -55,7 +55,27 @@ def test_what_fails_on_a_worker_is_named(study, cluster, tmp_path):
     with pytest.raises(
         NoSolutionError, match="the cluster gives no rows: TypeError: .*the same command goes on"
     ):
-        run_by_scheduler(work, tmp_path, ["no number"], cluster.scheduler_address, print)
+        run_by_scheduler(work, tmp_path, ["no number"], cluster.scheduler_address, print, print)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+def test_a_cluster_without_workers_is_said_and_waited_for(study, undisturbed, tmp_path):
+    with distributed.LocalCluster(
+        n_workers=0, threads_per_worker=1, dashboard_address="127.0.0.1:0", host="127.0.0.1", silence_logs=50
+    ) as cluster:
+        stages = []
+
+        def start_a_worker_when_asked(stage, share):
+            stages.append(stage)
+            if "waiting for a worker" in stage:
+                cluster.scale(1)
+
+        folder = tmp_path / "rows"
+        address = cluster.scheduler_address
+        assert run_study(study, folder, scheduler=address, progress=start_a_worker_when_asked)
+    assert f"waiting for a worker of {address}" in stages[1]
+    assert rows_of(folder) == rows_of(undisturbed)
 
 
 def test_a_scheduler_that_does_not_answer_is_named(study, tmp_path, monkeypatch):

@@ -22,12 +22,18 @@ _LEAST_AHEAD = 64
 
 
 def run_by_scheduler(
-    work: PartWork, folder: Path, missing: list[int], address: str, done: Callable[[int], object]
+    work: PartWork,
+    folder: Path,
+    missing: list[int],
+    address: str,
+    done: Callable[[int], object],
+    waiting: Callable[[str], object],
 ) -> None:
     """Run parts on the cluster of a scheduler, and write each here as it comes.
 
-    A part whose worker is killed is run again by another. What comes is checked before it is written: it is
-    whole, of this study, and of this version of the program.
+    Where the cluster has no worker yet, ``waiting`` is called, and one is waited for: a queue may start it
+    hours later. A part whose worker is killed is run again by another. What comes is checked before it is
+    written: it is whole, of this study, and of this version of the program.
 
     Raises:
         InputError: Dask is not installed, no scheduler answers there, or a worker has another version.
@@ -37,14 +43,17 @@ def run_by_scheduler(
     """
     client, as_completed = _connected(address)
     study, version = study_of_json(work.study, work.program.names), work.program.version
-    waiting = iter(missing)
+    left = iter(missing)
     noted: list[dict[str, str]] = []
 
     def handed_out(count: int) -> list[Any]:
         key = study.hash, version
-        return [client.submit(_run_part, work, n, key=(*key, n), pure=False) for n in islice(waiting, count)]
+        return [client.submit(_run_part, work, n, key=(*key, n), pure=False) for n in islice(left, count)]
 
     with _without_tracebacks(), client:
+        if not client.nthreads():
+            waiting(f"waiting for a worker of {address}")
+            client.wait_for_workers(1)
         ahead = max(_LEAST_AHEAD, _AHEAD * sum(client.nthreads().values()))
         running = as_completed(handed_out(ahead), loop=client.loop)
         for future in running:

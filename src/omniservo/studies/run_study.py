@@ -85,7 +85,7 @@ def run_study(
         behind = _Behind(study, len(wanted) - len(missing), missing, progress)
         work = PartWork(study.to_json(), program)
         if scheduler is not None and missing:
-            run_by_scheduler(work, folder, missing, scheduler, behind.add)
+            run_by_scheduler(work, folder, missing, scheduler, behind.add, behind.wait)
         elif missing:
             note_machine(folder, this_machine())
             _run_here(work, folder, missing, min(count, len(missing)), behind.add)
@@ -122,3 +122,7 @@ class _Behind:
         self._done += len(rows_of_part(self._study, number))
         share = self._done / self._rows
         self._progress(f"{self._what}: {int(10 * share) * 10}%", share)
+
+    def wait(self, for_what: str) -> None:
+        """Say what is waited for before the first part."""
+        self._progress(f"{self._what}: {for_what}", 0.0)
