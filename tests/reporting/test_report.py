@@ -178,6 +178,16 @@ def test_links_have_a_tile_of_their_own_where_they_are_to_keep_a_distance(made_u
         }
 
 
+def test_a_run_that_was_stopped_before_its_first_step_says_nothing_of_what_it_did_not_sample(made_up_run):
+    whole_run = made_up_run("whole-arm-1", steps=3)
+    for planned, said in (
+        (None, "had to keep."),
+        (0.0123, "keep; sampled, the planned path keeps 12.30\N{NO-BREAK SPACE}mm."),
+    ):
+        metrics = {**whole_run.metrics, "link_clearance_planned_m": planned}
+        assert said in key_numbers(replace(whole_run, metrics=metrics)).html
+
+
 def test_the_same_three_words_are_used_in_tables_metrics_and_legends(run, report):
     said = " ".join(report[1].words)
     legends = {

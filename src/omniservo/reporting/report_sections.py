@@ -105,14 +105,16 @@ def _distances(result: RunResult) -> list[ConstraintCard]:
     found = []
     if whole is not None and whole.asked is not None:
         proven = whole.proof.clearance if whole.proof.status == "clear" else None
+        planned = metrics.get("link_clearance_planned_m")
+        said = spell_metric("link_clearance_planned_m", planned)
+        sampled = "" if planned is None else f"; sampled, the planned path keeps {said}"
         found.append(
             ConstraintCard(
                 "Any link to what the planner knows",
                 spell_metric("link_clearance_executed_m", metrics.get("link_clearance_executed_m")),
                 spell_bound(proven, "m"),
                 spell(whole.asked, "m"),
-                "The proof stops at what the path had to keep; sampled, the planned path keeps "
-                f"{spell_metric('link_clearance_planned_m', metrics.get('link_clearance_planned_m'))}.",
+                f"The proof stops at what the path had to keep{sampled}.",
             )
         )
     elif planning.common_obstacles:
