@@ -175,7 +175,7 @@ def test_what_is_missing_is_named_beside_what_is_there():
 
 def endpoint(**given):
     fields = {"key": "1", "topic": "/t", "ros_type": "p/msg/T", "reliable": True, "transient": False}
-    return Endpoint(**{**fields, "deadline": FOREVER, "type_hash": "", **given})
+    return Endpoint(**{**fields, "deadline": FOREVER, **given})
 
 
 @pytest.mark.parametrize(

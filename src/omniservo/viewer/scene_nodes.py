@@ -31,7 +31,6 @@ EXECUTED: Colour = (30, 110, 200)
 _START: Colour = (90, 95, 105)
 _GOAL: Colour = (0, 80, 216)
 _OBSTACLE: Colour = (150, 70, 45)
-_NAMED: Colour = (235, 60, 40)
 _TARGET: Colour = (200, 30, 30)
 
 _PLACES = 65

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 from scipy.spatial.transform import RigidTransform
@@ -17,7 +17,6 @@ from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import FloatArray
 
 Status = Literal["ok", "too_few_views", "views_alike", "views_disagree", "not_determined", "not_converged"]
-STATUSES: tuple[str, ...] = get_args(Status)
 
 Side = Literal["-z", "+z", "both", "solid"]
 

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from omniservo.errors import InputError, spelled
-from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray, finite_number, refuse_masked
+from omniservo.geometry.arrays import FloatArray, IntArray, finite_number, refuse_masked
 
 _LARGEST_IMAGE = 100_000
 _LARGEST_VIEWS = 10_000
@@ -68,11 +68,9 @@ class Views:
         parts = [np.arange(self.ends[i], self.ends[i + 1]) for i in chosen]
         return np.concatenate([np.empty(0, dtype=np.int64), *parts])
 
-    def median(self, values: FloatArray, keep: BoolArray | None = None) -> FloatArray:
-        """Return each view's median (V,) of ``values`` (N,), of rows in ``keep`` only; infinite if none."""
-        chosen = np.ones(len(values), dtype=np.bool_) if keep is None else keep
-        parts = [values[self.rows(i)][chosen[self.rows(i)]] for i in range(self.count)]
-        return np.array([np.median(part) if len(part) else np.inf for part in parts])
+    def median(self, values: FloatArray) -> FloatArray:
+        """Return each view's median (V,) of ``values`` (N,)."""
+        return np.array([np.median(values[self.rows(i)]) for i in range(self.count)])
 
 
 def read_views(

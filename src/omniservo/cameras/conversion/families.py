@@ -25,8 +25,6 @@ _LEAST = 1e-3
 
 _NEWTON = 12
 
-Basis = Callable[[FloatArray, FloatArray, float], FloatArray]
-
 
 @dataclass(frozen=True)
 class FitFamily:

@@ -29,8 +29,6 @@ class Endpoint:
     """whether it keeps messages for who comes later, or wants them"""
     deadline: int
     """it promises, or wants, a message at least so often [ns]"""
-    type_hash: str
-    """RIHS01_…; empty before ROS 2 Iron"""
 
     @property
     def qos(self) -> str:
@@ -144,8 +142,7 @@ def _endpoint(sample: Any) -> Endpoint:
 
     qos = sample.qos
     reliability, durability = qos[Policy.Reliability], qos[Policy.Durability]
-    deadline, data = qos[Policy.Deadline], qos[Policy.Userdata]
-    found = re.search(rb"typehash=(RIHS01_[0-9a-f]{64});", data.data) if data is not None else None
+    deadline = qos[Policy.Deadline]
     return Endpoint(
         key=str(sample.key),
         topic=sample.topic_name[2:] if sample.topic_name.startswith("rt/") else sample.topic_name,
@@ -153,5 +150,4 @@ def _endpoint(sample: Any) -> Endpoint:
         reliable=reliability is not None and reliability != Policy.Reliability.BestEffort,
         transient=durability not in (None, Policy.Durability.Volatile),
         deadline=deadline.deadline if deadline is not None else FOREVER,
-        type_hash=found[1].decode() if found else "",
     )

@@ -324,8 +324,8 @@ class RtdeArm:
             time.sleep(1e-3)
 
 
-def host_and_port(address: str, port: int = RTDE_PORT) -> tuple[str, int]:
-    """Return host and port of an address, `host` or `host:port`.
+def host_and_port(address: str) -> tuple[str, int]:
+    """Return host and port of an address, `host` or `host:port`; without one the port is `RTDE_PORT`.
 
     Raises:
         InputError: it is neither.
@@ -335,7 +335,7 @@ def host_and_port(address: str, port: int = RTDE_PORT) -> tuple[str, int]:
         raise InputError(f"address {spelled(address)}: a port from 1 to 65535 follows the colon")
     if not host or any(character.isspace() for character in host):
         raise InputError(f"address {spelled(address)}: legal are host and host:port")
-    return host, int(number) if colon else port
+    return host, int(number) if colon else RTDE_PORT
 
 
 def joint_order(names: Sequence[str]) -> list[int]:
