@@ -29,6 +29,7 @@ from omniservo.estimation.uncertainty.likelihood_samples import likelihood_sampl
 from omniservo.field_docs import with_field_docs
 from omniservo.files import parse_document, read_text, write_whole
 from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array, finite_number, owned
+from omniservo.geometry.pose_fields import pose_fields
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -213,7 +214,7 @@ class TwoViewEstimate:
             "format": FORMAT,
             "status": self.status,
             "message": self.message,
-            "goal": None if self.initial_T_goal is None else _pose_fields(self.initial_T_goal),
+            "goal": None if self.initial_T_goal is None else pose_fields(self.initial_T_goal),
             "points": _to_lists(self.points),
             "is_metric": self.is_metric,
             "covariance": _to_lists(self.covariance),
@@ -223,7 +224,7 @@ class TwoViewEstimate:
             "noise_px": _to_lists(self.noise_px),
             "residuals_px": _to_lists(self.residuals_px),
             "seconds": self.seconds,
-            "alternatives": [_pose_fields(pose) for pose in self.alternatives],
+            "alternatives": [pose_fields(pose) for pose in self.alternatives],
             "scale_sigma": self.scale_sigma,
             "uncertainty": None if self.uncertainty is None else self.uncertainty.to_dict(),
             "camera": None if self.camera is None else self.camera.to_dict(),
@@ -290,13 +291,6 @@ class TwoViewEstimate:
             InputError: no such file, or not an estimate; see :meth:`from_dict`.
         """
         return cls.from_dict(parse_document(read_text(path, max_bytes=LARGEST_FILE), str(path)), str(path))
-
-
-def _pose_fields(pose: RigidTransform) -> dict[str, list[float]]:
-    return {
-        "translation": [float(x) for x in pose.translation],
-        "quaternion": [float(x) for x in pose.rotation.as_quat(canonical=True)],
-    }
 
 
 def _to_lists(value: Any) -> Any:

@@ -7,6 +7,7 @@ from pathlib import Path
 from omniservo.errors import InputError, spelled
 from omniservo.estimation import TwoViewEstimate
 from omniservo.files import read_document
+from omniservo.geometry.pose_fields import pose_fields
 from omniservo.planning.obstacles.obstacle_fields import only_fields
 from omniservo.planning.planning_problem import PlanningProblem
 from omniservo.planning.problem_file import FORMAT as PROBLEM_FORMAT
@@ -48,10 +49,7 @@ def problem_around(
         "format": PROBLEM_FORMAT,
         "camera": estimate.camera.to_dict(),
         "points": estimate.points[estimate.inliers].tolist(),
-        "goal": {
-            "translation": pose.translation.tolist(),
-            "quaternion": pose.rotation.as_quat(canonical=True).tolist(),
-        },
+        "goal": pose_fields(pose),
     }
     kept = {} if clearance is None else {"clearance": clearance}
     return read_problem(PlanningProblem, {**own, **given, **kept}, Path(obstacles).parent, source)

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform
 
 from omniservo.calibration.hand_eye import load_hand_eye, load_robot_poses, load_robot_sigmas
 from omniservo.camera_files import named_model
@@ -32,6 +31,7 @@ from omniservo.estimation.view_scale import ViewScale
 from omniservo.field_docs import with_field_docs
 from omniservo.files.image_files import copies_of
 from omniservo.geometry.arrays import ByteArray, FloatArray
+from omniservo.geometry.pose_fields import pose_fields
 from omniservo.perception import DotKind, JoinedPoints, TagKind, join_images
 from omniservo.runs.estimate_images import read_image
 from omniservo.runs.feature_kind_of import KindName, feature_kind
@@ -127,7 +127,7 @@ class EstimatedViews:
                     "status": status,
                     "reason": reason,
                     "points": int(found.inliers[view].sum()),
-                    "pose": None if pose is None else _pose_fields(pose),
+                    "pose": None if pose is None else pose_fields(pose),
                     "covariance": None if pose is None else spread.tolist(),
                 }
             )
@@ -147,7 +147,7 @@ class EstimatedViews:
             "seconds": found.seconds,
             "further": [
                 {
-                    "pose": _pose_fields(view.initial_T_view),
+                    "pose": pose_fields(view.initial_T_view),
                     "points": view.points,
                     "position_sigma": list(view.position_sigma),
                     "rotation_sigma": list(view.rotation_sigma),
@@ -274,10 +274,3 @@ def _row(camera: CentralModel, first: ByteArray, points: JoinedPoints, number: i
             f"length: point {number} given; in the first image and another are {legal or 'none'}"
         )
     return int(rows[number])
-
-
-def _pose_fields(pose: RigidTransform) -> dict[str, list[float]]:
-    return {
-        "translation": [float(x) for x in pose.translation],
-        "quaternion": [float(x) for x in pose.rotation.as_quat(canonical=True)],
-    }

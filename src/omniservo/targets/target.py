@@ -18,6 +18,7 @@ from omniservo.errors import InputError, did_you_mean, spelled, spelled_name
 from omniservo.field_docs import with_field_docs
 from omniservo.files import read_document, stated_units, write_whole
 from omniservo.geometry.arrays import BoolArray, FloatArray, IntArray, finite_array, finite_number, owned
+from omniservo.geometry.pose_fields import pose_fields
 from omniservo.short_repr import short_repr
 from omniservo.tag_dictionaries import dictionary_name
 from omniservo.targets.tag import Tag
@@ -120,8 +121,7 @@ class Target:
                     "dictionary": tag.dictionary,
                     "id": tag.id,
                     "edge": tag.edge,
-                    "translation": [float(x) for x in tag.target_T_tag.translation],
-                    "quaternion": [float(x) for x in tag.target_T_tag.rotation.as_quat(canonical=True)],
+                    **pose_fields(tag.target_T_tag),
                 }
                 for tag in self.tags
             ],

@@ -18,6 +18,7 @@ from omniservo.field_docs import with_field_docs
 from omniservo.files import read_document, write_whole
 from omniservo.geometry.arrays import FloatArray, finite_array, finite_number
 from omniservo.geometry.covariances import is_covariance
+from omniservo.geometry.pose_fields import pose_fields
 from omniservo.renamed import renamed_attribute
 
 FORMAT = "omniservo.hand_eye/1"
@@ -149,10 +150,10 @@ class HandEye:
             raise InputError(f"hand-eye calibration: no pose to save: {self.status}: {self.message}")
         return {
             "format": FORMAT,
-            "flange_T_camera": _pose_fields(self.flange_T_camera),
-            "tool_T_camera": _pose_fields(self.flange_T_camera),  # its name of before, for one release
+            "flange_T_camera": pose_fields(self.flange_T_camera),
+            "tool_T_camera": pose_fields(self.flange_T_camera),  # its name of before, for one release
             "covariance": self.covariance.tolist(),
-            "base_T_board": _pose_fields(self.base_T_board),
+            "base_T_board": pose_fields(self.base_T_board),
             "board_covariance": self.board_covariance.tolist(),
             "robot_position_m": self.robot_position_m,
             "robot_rotation_rad": self.robot_rotation_rad,
@@ -225,10 +226,3 @@ def _lengths(found: HandEye, measure: Callable[[FloatArray], FloatArray]) -> tup
         return math.nan, math.nan
     metres, radians = measure(np.array([[view.position_m, view.rotation_rad] for view in used]))
     return float(metres), float(radians)
-
-
-def _pose_fields(pose: RigidTransform) -> dict[str, list[float]]:
-    return {
-        "translation": pose.translation.tolist(),
-        "quaternion": pose.rotation.as_quat(canonical=True).tolist(),
-    }
