@@ -19,15 +19,19 @@ from omniservo.cli.main import main
 from omniservo.errors import InputError, NotInControl, ProtectiveStop
 from omniservo.hardware.rtde.server import UrStandIn
 from omniservo.robots import ArmMode, RobotState
-from omniservo.runs.on_robot import on_robot
+from omniservo.runs.begun_as_recorded import begun_as_recorded
+from omniservo.runs.loop_delay import LoopDelay
+from omniservo.runs.on_robot import on_robot, sensor_of
 from omniservo.runs.open_hardware import open_bare, open_hardware, open_robot
 from omniservo.runs.robot_delay import RobotDelay
 from omniservo.runs.robot_records import StoredDelay, require_check, save_check, save_delay, stored_delay
+from omniservo.runs.run_inputs import RunInputs
 from omniservo.runs.safety_of_task import safety_of_task
 from omniservo.safety import SafetyOptions
 from omniservo.scenes import scene_of_task
 from omniservo.schemas import json_schema
-from omniservo.tasks import load_robot, load_task
+from omniservo.tasks import TaughtGoal, load_robot, load_task
+from omniservo.tracking import ReplanOptions
 
 TASK = load_task("ur5e-table")
 MOUNT = TASK.arm.flange_T_camera.transform
@@ -260,7 +264,7 @@ def test_a_check_is_of_the_arms_file_and_the_mounts_too(robot_file, tmp_path):
         require_check(path, load_robot(path))
 
 
-FOUND = RobotDelay(CameraDelay(0.043, 0.0015, 0.2, 90.0), 0.021, 0.001, 120)
+FOUND = RobotDelay(CameraDelay(0.043, 0.0015, 0.2, 90.0), 0.021, 0.001, 120, 0.083)
 
 
 def test_what_was_measured_is_read_again_where_it_was_measured(robot_file):
@@ -273,6 +277,60 @@ def test_what_was_measured_is_read_again_where_it_was_measured(robot_file):
     assert (found.camera_offset, found.camera_sigma, found.actuation_lag) == (0.043, 0.0015, 0.021)
     options = found.within(SafetyOptions(image_age=0.7))
     assert (options.command_lag, options.offset_sigma, options.image_age) == (0.021, 0.0015, 0.7)
+
+
+def test_how_late_a_twist_acts_is_what_was_measured_with_its_uncertainty(robot_file):
+    path = robot_file()
+    robot = load_robot(path)
+    written = save_delay(path, robot, FOUND)
+    late = stored_delay(path, robot).loop
+    assert late.images == pytest.approx(0.083 - 0.043 + 3.0 * 0.0015)
+    assert late.motions == pytest.approx(0.021 + 3.0 * 0.001)
+    older = json.loads(written.read_text())
+    del older["image_age_s"]
+    written.write_text(json.dumps(older))
+    assert stored_delay(path, robot).loop is None
+
+
+def test_the_way_taken_up_begins_later_where_images_and_motions_were_measured_to_be_later(robot_file):
+    robot, joints = load_robot(robot_file()), scene_of_task(TASK).start_joints
+    arm, late = robot.loaded_arm(), LoopDelay(images=0.15, motions=0.05)
+    stated, _ = on_robot(TASK, robot, arm, joints)
+    measured, _ = on_robot(TASK, robot, arm, joints, late)
+    assert (stated.sensor.latency, measured.sensor.latency) == (0.02, pytest.approx(0.2))
+    before, after = (
+        ReplanOptions.of_loop(task.sensor.rate, task.sensor.latency, 0.01, 0).ahead
+        for task in (stated, measured)
+    )
+    assert after - before == pytest.approx(0.18)
+    camera = {"source": "v4l2:0", "calibration": TASK.camera.to_dict(), "exposure": 0.02}
+    exposed = load_robot(robot_file(camera=camera)).camera
+    assert sensor_of(exposed, LoopDelay(0.0, 0.0)).latency == pytest.approx(0.01)
+
+
+def test_a_recording_keeps_how_late_a_twist_was_taken_to_act_and_one_without_it_has_what_is_stated(
+    robot_file, tmp_path
+):
+    robot, joints = load_robot(robot_file()), scene_of_task(TASK).start_joints
+    kept = TASK.sources.kept(TASK)
+    for late in (None, LoopDelay(0.15, 0.05)):
+        begun, _ = on_robot(TASK, robot, robot.loaded_arm(), joints, late)
+        inputs = RunInputs.now("certified", 0, kept, joints, begun.sources.kept_robot())
+        fields = json.loads(inputs.to_json())
+        if late is None:
+            del fields["robot"]["late"]  # as older versions wrote it
+        again = RunInputs.from_fields(fields, kept.files, "run.json", inputs.robot.files.files)
+        assert LoopDelay.from_fields(again.robot.late, "late") == late
+        folder = tmp_path / str(late is None)
+        folder.mkdir()
+        blank = np.zeros((TASK.camera.height, TASK.camera.width), np.uint8)
+        goal = TaughtGoal(TASK.camera, blank, np.zeros((0, 2)), None)
+        replayed, _ = begun_as_recorded(again, goal, folder, allow_outside=False)
+        assert replayed.sensor == begun.sensor
+    for wrong, words in ((7, "late: 7 given"), ({"images": -1.0, "motions": 0.0}, "late: images: -1")):
+        fields["robot"]["late"] = wrong
+        with pytest.raises(InputError, match=words):
+            RunInputs.from_fields(fields, kept.files, "run.json", inputs.robot.files.files)
 
 
 @pytest.mark.parametrize(
@@ -362,10 +420,11 @@ def test_an_arm_that_is_moved_while_it_is_connected_to_is_refused(robot_file, fi
 def test_a_run_uses_what_was_measured(robot_file, filmed):
     with serving() as server:
         path = robot_file(address=server.address, options=_ports(server))
-        delay = StoredDelay(0.043, 0.0015, 0.021)
+        delay = StoredDelay(0.043, 0.0015, 0.021, LoopDelay(0.2, 0.03))
         _, cell = open_hardware(TASK, load_robot(path), lambda motion: pytest.fail(motion), delay=delay)
         with closing(cell):
             options = cell._client.options
             assert (options.command_lag, options.offset_sigma) == (0.021, 0.0015)
+            assert options.image_age == pytest.approx(0.2 + 3.0 / 30.0)  # 0.25 where it is stated
             assert options.path_room == pytest.approx(0.006 + 0.005)
             assert (cell.camera._offset, cell.camera._sigma) == (0.043, 0.0015)

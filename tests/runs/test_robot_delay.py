@@ -66,7 +66,7 @@ def test_the_drives_lag_is_found(lag):
         for t, v in zip(read, late, strict=True)
     ]
     recorded = DelayRecording(
-        JointHistory(6, 8.0), states, list(zip(times.tolist(), speeds, strict=True)), [], [], []
+        JointHistory(6, 8.0), states, list(zip(times.tolist(), speeds, strict=True)), [], [], [], []
     )
     found, sigma = actuation_lag(recorded, chosen)
     assert found == pytest.approx(lag, abs=1e-3)

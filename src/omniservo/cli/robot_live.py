@@ -107,6 +107,7 @@ def delay(
     lag = _spelled_time(found.actuation_lag, found.actuation_sigma)
     output.line(f"{'camera':<16} {_spelled_time(camera.offset, camera.sigma)} from its stamps to the joints'")
     output.line(f"{'actuation':<16} {lag} behind commands")
+    output.line(f"{'images':<16} {1e3 * found.image_age:.1f} ms from their stamps until they come (99%)")
     output.line(f"{'residual':<16} {camera.rms_px:.2f} px rms, {found.images} images, {camera.flow:.0f} px/s")
     output.written(save_delay(robot, loaded, found, parts.driver))
     output.result(
@@ -115,6 +116,7 @@ def delay(
             "camera_offset_sigma_s": camera.sigma,
             "actuation_lag_s": found.actuation_lag,
             "actuation_lag_sigma_s": found.actuation_sigma,
+            "image_age_s": found.image_age,
             "residual_px": camera.rms_px,
             "images": found.images,
         },

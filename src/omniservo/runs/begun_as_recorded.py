@@ -10,6 +10,7 @@ import numpy as np
 from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray
 from omniservo.robots import Arm
+from omniservo.runs.loop_delay import LoopDelay
 from omniservo.runs.on_robot import on_robot
 from omniservo.runs.run_inputs import RunInputs
 from omniservo.scenes import Scene, scene_of_task
@@ -41,7 +42,7 @@ def begun_as_recorded(
     arm = file.loaded_arm()
     start = np.zeros(0) if inputs.start_joints is None else inputs.start_joints
     _refuse_other_joints(arm, start)
-    return on_robot(task, file, arm, start)
+    return on_robot(task, file, arm, start, LoopDelay.from_fields(robot.late, "run.json: robot: late"))
 
 
 def _refuse_other_joints(arm: Arm, start: FloatArray) -> None:

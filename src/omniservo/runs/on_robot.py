@@ -11,6 +11,7 @@ from omniservo.errors import InputError
 from omniservo.geometry.arrays import FloatArray
 from omniservo.robots import Arm
 from omniservo.runs.begun_elsewhere import begun_at
+from omniservo.runs.loop_delay import LoopDelay
 from omniservo.scenes import Scene, scene_of_task
 from omniservo.tasks import RobotFile, Task, TaskOnRobot
 from omniservo.tasks.robot_file import RobotCamera
@@ -18,11 +19,15 @@ from omniservo.tasks.sensor import SensorSection
 from omniservo.tasks.simulation import SimulationSection
 
 
-def on_robot(task: Task, robot: RobotFile, arm: Arm, joints: FloatArray) -> tuple[Task, Scene]:
+def on_robot(
+    task: Task, robot: RobotFile, arm: Arm, joints: FloatArray, late: LoopDelay | None = None
+) -> tuple[Task, Scene]:
     """Return task and scene for a real arm that stands in ``joints`` (n,) [rad].
 
     Everything that the task states stays where it is in the arm's base frame; what its camera and its start
     were is replaced by the robot's. Its time limit grows by what the arm is slowed down.
+
+    ``late``: how much later than an image its twist acts, as measured; None: as `sensor_of` states it.
 
     Raises:
         InputError: the task moves obstacles itself; both state a workspace; the joints are out of range.
@@ -50,23 +55,27 @@ def on_robot(task: Task, robot: RobotFile, arm: Arm, joints: FloatArray) -> tupl
         update={
             "arm": robot.arm.model_copy(update={"foot": task.arm.foot}),
             "camera": lens.calibration,
-            "sensor": sensor_of(lens),
+            "sensor": sensor_of(lens, late),
             "simulation": SimulationSection(),
             "planning": planning,
             "servo": task.servo.model_copy(update={"time_limit": task.servo.time_limit / robot.speed}),
         }
     )
     if task.sources is not None:
-        sources = task.sources
-        begun = begun.read_from(TaskOnRobot(sources.path, sources.read, sources.packages, task, robot))
+        sources, kept = task.sources, None if late is None else late.to_dict()
+        begun = begun.read_from(TaskOnRobot(sources.path, sources.read, sources.packages, task, robot, kept))
     return begun, replace(scene_of_task(begun), arm=arm, start_joints=joints)
 
 
-def sensor_of(lens: RobotCamera) -> SensorSection:
-    """Return how a robot's camera delivers images, as its file has it."""
+def sensor_of(lens: RobotCamera, late: LoopDelay | None = None) -> SensorSection:
+    """Return how a robot's camera delivers images, as its file has it, and how late a twist acts on them.
+
+    ``late``: as measured; None: 20 ms later than the middle of the exposure.
+    """
+    acts = SensorSection().latency if late is None else min(late.total, 1.0)
     return SensorSection(
         rate=lens.rate,
-        latency=max(SensorSection().latency, 0.5 * (lens.exposure + lens.readout)),
+        latency=max(acts, 0.5 * (lens.exposure + lens.readout)),
         exposure=lens.exposure,
         readout=lens.readout,
     )

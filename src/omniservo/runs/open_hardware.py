@@ -21,7 +21,7 @@ from omniservo.runs.hardware_cell import HardwareCell
 from omniservo.runs.moved_joint import moved_joint
 from omniservo.runs.on_robot import on_robot
 from omniservo.runs.robot_records import StoredDelay
-from omniservo.runs.safety_of_task import safety_of_task
+from omniservo.runs.safety_of_task import image_age_of, safety_of_task
 from omniservo.safety import SafetyOptions, refuse_unready
 from omniservo.scenes import Scene
 from omniservo.tasks import RobotFile, Task
@@ -153,10 +153,13 @@ def open_hardware(
         ServoStop: the arm may not be moved: protective stop, or somebody else is in control.
     """
     arm = robot.loaded_arm()
-    begun, scene = on_robot(task, robot, arm, _joints(robot, arm, driver))
+    late = None if delay is None else delay.loop
+    begun, scene = on_robot(task, robot, arm, _joints(robot, arm, driver), late)
     options = safety_of_task(begun)
     if delay is not None:
         options = delay.within(options)
+    if late is not None:  # the supervisor's clock ends where an image comes, not where its twist acts
+        options = replace(options, image_age=image_age_of(robot.camera.rate, late.images))
     return begun, _cell(scene, robot, _Seats(approve, driver, delay), options)
 
 

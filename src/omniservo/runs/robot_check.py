@@ -167,7 +167,7 @@ def always_waits(images: StreamTimes | None, sensor: SensorSection) -> str | Non
     """
     if images is None:
         return None
-    period, most = 1.0 / images.rate, image_age_of(sensor)
+    period, most = 1.0 / images.rate, image_age_of(sensor.rate, sensor.latency)
     if images.age_median + period + BEGINS_BEFORE <= most:
         return None
     needed = images.age_p99 + period + BEGINS_BEFORE - sensor.latency

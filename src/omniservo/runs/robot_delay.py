@@ -13,10 +13,10 @@ from omniservo.errors import NoSolutionError
 from omniservo.field_docs import with_field_docs
 from omniservo.geometry.arrays import ByteArray, FloatArray
 from omniservo.hardware import JointHistory
-from omniservo.robots import Arm, CameraImage, RobotState
+from omniservo.robots import Arm, RobotState
 from omniservo.runs.robot_cell import RobotCell
 from omniservo.runs.supervisor_of import supervisor_of
-from omniservo.safety import SafetyOptions
+from omniservo.safety import SafetyOptions, SupervisedRobot
 
 SECONDS = 4.0
 """that the joints swing"""
@@ -52,6 +52,8 @@ class RobotDelay:
     """standard deviation of that [s]"""
     images: int
     """how many were used"""
+    image_age: float
+    """from their stamps until they came [s]; 99% came sooner"""
 
 
 def swing_joints(arm: Arm) -> tuple[int, int]:
@@ -84,7 +86,7 @@ def measure_delay(cell: RobotCell, options: SafetyOptions) -> RobotDelay:
     views = DelayViews(np.array(recorded.stamps), tracks, recorded.history, time_sigma)
     found = camera_delay(cell.scene.camera, arm, cell.scene.flange_T_camera, views)
     lag, sigma = actuation_lag(recorded, chosen)
-    return RobotDelay(found, lag, sigma, len(tracks))
+    return RobotDelay(found, lag, sigma, len(tracks), float(np.quantile(recorded.ages, 0.99)))
 
 
 @dataclass
@@ -98,6 +100,8 @@ class DelayRecording:
     time_sigmas: list[float]
     """of the stamps, see `CameraImage` [s]"""
     images: list[ByteArray]
+    ages: list[float]
+    """from the stamps until the images came [s]"""
 
 
 def swing_size(arm: Arm) -> float:
@@ -114,10 +118,10 @@ def _recorded(
     """Swing the joints, and return what came in; the arm stands still on return."""
     supervisor = supervisor_of(cell, options)
     begin = supervisor.read()
-    found = DelayRecording(JointHistory(len(begin.joint_positions), 2.0 * SECONDS), [], [], [], [], [])
+    found = DelayRecording(JointHistory(len(begin.joint_positions), 2.0 * SECONDS), [], [], [], [], [], [])
     try:
         while (passed := supervisor.read().time - begin.time) < SECONDS:
-            _take_in(found, supervisor.read(), supervisor.image())
+            _take_in(found, supervisor)
             wanted, speeds = swing(begin.joint_positions, chosen, size, passed)
             speeds += 2.0 * (wanted - found.states[-1].joint_positions)
             supervisor.command(speeds)
@@ -127,15 +131,17 @@ def _recorded(
         supervisor.stop()
     for _ in range(round(0.5 / _PERIOD)):  # images and readings that are under way
         supervisor.wait(_PERIOD)
-        _take_in(found, supervisor.read(), supervisor.image())
+        _take_in(found, supervisor)
     return found
 
 
-def _take_in(found: DelayRecording, state: RobotState, image: CameraImage | None) -> None:
+def _take_in(found: DelayRecording, supervisor: SupervisedRobot) -> None:
+    state, image = supervisor.read(), supervisor.image()
     found.states.append(state)
     found.history.add(state)
     if image is not None and (not found.stamps or image.time > found.stamps[-1]):
         found.stamps.append(image.time)
+        found.ages.append(supervisor.time - image.time)
         found.time_sigmas.append(image.time_sigma)
         found.images.append(image.pixels)
 

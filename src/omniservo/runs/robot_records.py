@@ -13,12 +13,16 @@ from omniservo.errors import InputError, spelled
 from omniservo.field_docs import with_field_docs
 from omniservo.files import is_file, read_document, write_whole
 from omniservo.geometry.arrays import finite_number
+from omniservo.runs.loop_delay import LoopDelay
 from omniservo.runs.robot_delay import MOST_LAG, RobotDelay
 from omniservo.safety import SafetyOptions
 from omniservo.tasks import RobotFile
 
 FRESH = 24.0 * 3600.0
 """A check counts for so long [s]."""
+
+SURE = 3.0
+"""standard deviations of what was measured that are counted on"""
 
 CHECK, DELAY = "omniservo.robot-check/1", "omniservo.robot-delay/1"
 
@@ -70,6 +74,8 @@ class StoredDelay:
     """standard deviation of that [s]"""
     actuation_lag: float
     """joints turn as they were commanded so long before [s]"""
+    loop: LoopDelay | None = None
+    """from an image's exposure until its twist acts; None: of a file in which its images' age is not"""
 
     def __post_init__(self) -> None:
         finite_number("camera_offset_s", self.camera_offset, minimum=-SEARCHED, maximum=SEARCHED)
@@ -91,6 +97,7 @@ def save_delay(path: Path, robot: RobotFile, found: RobotDelay, driver: str | No
         "camera_offset_sigma_s": found.camera.sigma,
         "actuation_lag_s": found.actuation_lag,
         "actuation_lag_sigma_s": found.actuation_sigma,
+        "image_age_s": found.image_age,
     }
     write_whole(beside, json.dumps(document, indent=2) + "\n", force=True)
     return beside
@@ -113,13 +120,28 @@ def stored_delay(path: Path, robot: RobotFile, driver: str | None = None) -> Sto
                 f"measure it again: omniservo robot delay {path}"
             )
     try:
-        return StoredDelay(
+        found = StoredDelay(
             finite_number("camera_offset_s", document.get("camera_offset_s")),
             finite_number("camera_offset_sigma_s", document.get("camera_offset_sigma_s")),
             finite_number("actuation_lag_s", document.get("actuation_lag_s")),
         )
+        return replace(found, loop=_loop_delay(document))
     except InputError as error:
         raise InputError(f"{beside}: {error}") from None
+
+
+def _loop_delay(document: dict[str, object]) -> LoopDelay | None:
+    """Return how late a twist acts at most, by the record of `save_delay`; None: of an older version."""
+    if document.get("image_age_s") is None or document.get("actuation_lag_sigma_s") is None:
+        return None
+    age, offset, sigma, lag, lag_sigma = (
+        finite_number(name, document.get(name))
+        for name in (
+            "image_age_s", "camera_offset_s", "camera_offset_sigma_s", "actuation_lag_s",
+            "actuation_lag_sigma_s",
+        )
+    )  # fmt: skip
+    return LoopDelay(max(age - offset + SURE * sigma, 0.0), lag + SURE * lag_sigma)
 
 
 def _devices(robot: RobotFile, driver: str | None) -> dict[str, str]:

@@ -14,6 +14,7 @@ from omniservo.errors import InputError, spelled
 from omniservo.files import read_bytes, read_document, write_whole
 from omniservo.geometry.arrays import FloatArray, finite_array, finite_number
 from omniservo.run_methods import METHODS
+from omniservo.runs.loop_delay import LoopDelay
 from omniservo.tasks import KeptRobot, KeptTask
 
 FORMAT = "omniservo.run/1"
@@ -69,7 +70,11 @@ class RunInputs:
                 "start_joints": None if self.start_joints is None else self.start_joints.tolist(),
                 "robot": None
                 if self.robot is None
-                else {"file": self.robot.files.task, "speed": self.robot.speed},
+                else {
+                    "file": self.robot.files.task,
+                    "speed": self.robot.speed,
+                    "late": None if self.robot.late is None else dict(self.robot.late),
+                },
             }
         )
 
@@ -140,4 +145,6 @@ def _robot(fields: Any, files: Mapping[str, bytes], place: str) -> KeptRobot | N
     if not isinstance(fields, dict):
         raise InputError(f"{place}: {spelled(fields)} given; legal: {{file: PATH, speed: NUMBER}}")
     speed = finite_number(f"{place}: speed", fields.get("speed"), above=0.0, maximum=1.0)
-    return KeptRobot(KeptTask.of_fields(place, fields.get("file"), {}, files), speed)
+    late = LoopDelay.from_fields(fields.get("late"), f"{place}: late")
+    kept = KeptTask.of_fields(place, fields.get("file"), {}, files)
+    return KeptRobot(kept, speed, None if late is None else late.to_dict())

@@ -5,7 +5,6 @@ import numpy as np
 from omniservo.runs.arm_setting_of import tracking_room_of
 from omniservo.safety import SafetyOptions
 from omniservo.tasks import Task
-from omniservo.tasks.sensor import SensorSection
 
 FRAMES_MISSED = 3
 """So many frames may be missed before the robot is stopped."""
@@ -27,7 +26,7 @@ def safety_of_task(task: Task) -> SafetyOptions:
     """
     sensor, box, default = task.sensor, task.planning.workspace, SafetyOptions()
     return SafetyOptions(
-        image_age=image_age_of(sensor),
+        image_age=image_age_of(sensor.rate, sensor.latency),
         blind_room=tracking_room_of(task),
         path_room=path_room_of(task),
         visibility_rate=min(default.visibility_rate, STEP_SHARE * sensor.rate),
@@ -38,9 +37,14 @@ def safety_of_task(task: Task) -> SafetyOptions:
     )
 
 
-def image_age_of(sensor: SensorSection) -> float:
-    """Return how old an image of this camera may be to be acted on [s]."""
-    return max(SafetyOptions().image_age, sensor.latency + FRAMES_MISSED / sensor.rate)
+def image_age_of(rate: float, latency: float) -> float:
+    """Return how old an image may be to be acted on [s].
+
+    Args:
+        rate: frames a second [Hz].
+        latency: from the middle of an exposure until the image is there [s].
+    """
+    return max(SafetyOptions().image_age, latency + FRAMES_MISSED / rate)
 
 
 def path_room_of(task: Task) -> float | None:

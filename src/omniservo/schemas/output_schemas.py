@@ -206,7 +206,7 @@ _MASKED: dict[str, Schema] = {
     "mask_overhang_px": NOT_NEGATIVE,
 }
 _DELAYED: dict[str, Schema] = {
-    **dict.fromkeys(("camera_offset_s", "camera_offset_sigma_s", "actuation_lag_s"), NUMBER),
+    **dict.fromkeys(("camera_offset_s", "camera_offset_sigma_s", "actuation_lag_s", "image_age_s"), NUMBER),
     **dict.fromkeys(("actuation_lag_sigma_s", "residual_px"), _OR_NULL),
     "images": COUNT,
 }

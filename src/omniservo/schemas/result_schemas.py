@@ -239,5 +239,8 @@ def robot_delay_schema() -> Schema:
             "camera_offset_sigma_s": NOT_NEGATIVE,
             "actuation_lag_s": NOT_NEGATIVE,
         },
-        {"actuation_lag_sigma_s": either(NOT_NEGATIVE, {"type": "null"})},
+        {
+            "actuation_lag_sigma_s": either(NOT_NEGATIVE, {"type": "null"}),
+            "image_age_s": said(NUMBER, "from the stamps of images until they came; 99% came sooner"),
+        },
     )

@@ -65,6 +65,8 @@ class TaskOnRobot(TaskSources):
     """as it was read"""
     robot: RobotFile = field(compare=False)
     """the robot"""
+    late: Mapping[str, float] | None = field(default=None, compare=False)
+    """how late its images and motions were taken to be [s]; None: as the robot file states"""
 
     def kept(self, whose: Task | RobotFile) -> KeptTask:
         """Return the task's files, as it was read, and not as it is done on the robot."""
@@ -73,7 +75,7 @@ class TaskOnRobot(TaskSources):
     def kept_robot(self) -> KeptRobot | None:
         """Return the robot with its files; None where it was not read from a file."""
         sources = self.robot.sources
-        return None if sources is None else KeptRobot(sources.kept(self.robot), self.robot.speed)
+        return None if sources is None else KeptRobot(sources.kept(self.robot), self.robot.speed, self.late)
 
 
 @dataclass(frozen=True)
@@ -84,6 +86,8 @@ class KeptRobot:
     """the robot file's path in the place of the task's"""
     speed: float
     """share of the joints' speeds that was used"""
+    late: Mapping[str, float] | None = None
+    """how late its images and motions were taken to be [s]; None: as the robot file states"""
 
     def load(self, folder: Path, *, allow_outside: bool = False) -> RobotFile:
         """Return the robot from the folder that ``files`` were written to.
