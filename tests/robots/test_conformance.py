@@ -9,7 +9,7 @@ from scipy.spatial.transform import RigidTransform, Rotation
 from omniservo.cameras import preset
 from omniservo.errors import InputError, JointLimit
 from omniservo.robots import Arm
-from omniservo.robots.arm import LENGTH_SCALE, SINGULAR_VALUE
+from omniservo.robots.arm import LEAST_SINGULAR_VALUE, LENGTH_SCALE, SINGULAR_VALUE
 from omniservo.scenes import Scene
 from omniservo.simulation import SimulatedRobot, World
 
@@ -127,6 +127,31 @@ def test_singular_arm_refuses_to_move(any_arm):
     assert worst.fun < SINGULAR_VALUE
     with pytest.raises(JointLimit, match="singular"):
         any_arm.joint_velocities(worst.x, [0, 0, 0.1, 0, 0, 0], FLANGE_T_CAMERA)
+
+
+def between(any_arm, low, high):
+    """Joints whose smallest singular value lies between two."""
+    for begin in random_joints(any_arm, 100, 6):
+        for q in np.linspace(bent(any_arm), begin, 200):
+            found = np.linalg.svd(any_arm.scaled_camera_jacobian(q, FLANGE_T_CAMERA), compute_uv=False)[-1]
+            if low < found < high:
+                return q
+    raise AssertionError("none")
+
+
+def test_near_a_singularity_joints_go_their_planned_way_where_the_twist_hardly_determines_it(any_arm):
+    q = between(any_arm, LEAST_SINGULAR_VALUE + 1e-3, SINGULAR_VALUE - 2e-3)
+    twist, wish = np.array([0.02, -0.05, 0.1, 0.3, -0.2, 0.1]), np.linspace(-0.5, 0.7, any_arm.dof)
+    scaled = any_arm.scaled_camera_jacobian(q, FLANGE_T_CAMERA)
+    left, values, right = np.linalg.svd(scaled, full_matrices=False)
+    with pytest.raises(JointLimit, match=f"at least {SINGULAR_VALUE:g} is needed"):
+        any_arm.joint_velocities(q, twist, FLANGE_T_CAMERA)
+    found = any_arm.joint_velocities(q, twist, FLANGE_T_CAMERA, wish)
+    asked = twist / np.repeat([LENGTH_SCALE, 1.0], 3)
+    np.testing.assert_allclose((left.T @ (scaled @ found - asked))[:-1], 0.0, atol=1e-10)
+    share = (values[-1] / SINGULAR_VALUE) ** 2
+    mixed = share * (left[:, -1] @ asked) / values[-1] + (1.0 - share) * (right[-1] @ wish)
+    assert right[-1] @ found == pytest.approx(mixed, abs=1e-10)
 
 
 @pytest.mark.parametrize("bad", [[0, 0, 0], "upwards", [np.nan] * 6, [np.inf] * 7])

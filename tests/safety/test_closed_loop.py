@@ -8,6 +8,7 @@ import pytest
 
 from omniservo.errors import Divergence
 from omniservo.safety import SafetyOptions, VisibilityFilter, servo
+from omniservo.safety.closed_loop import POSTURE_GAIN
 
 
 class Points:
@@ -74,6 +75,20 @@ def test_a_controller_that_gives_nan_stops_the_arm_and_nothing_of_it_leaves(run,
     assert len(steps) == 3
     assert all(np.isfinite(v).all() for _, v in written.commands)
     assert any(v.any() for _, v in written.commands)
+
+
+def test_six_joints_too_are_told_where_they_are_planned_to_be(guard, written, scene, monkeypatch):
+    supervisor, wishes = guard(image_age=0.25), []
+    carry = supervisor.carry
+    monkeypatch.setattr(supervisor, "carry", lambda twist, wish: wishes.append(wish) or carry(twist, wish))
+    controller, features = Commanding(written, scene, lambda k: np.zeros(6)), Points(written, scene)
+    there, speeds = scene.start_joints + 0.1, np.full(6, 0.01)
+    servo(
+        supervisor, controller, features, VisibilityFilter(scene.camera, delay=0.02),
+        on_step=lambda step: None, time_limit=0.1, posture=lambda time: (there, speeds),
+    )  # fmt: skip
+    wanted = wishes[0](supervisor.read())
+    np.testing.assert_allclose(wanted, speeds + POSTURE_GAIN * 0.1, atol=1e-6)
 
 
 def test_a_twist_that_no_joints_follow_for_want_of_image_points_is_not_sent(run):

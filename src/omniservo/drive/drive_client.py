@@ -215,7 +215,7 @@ class DriveClient:
 
         Args:
             twist: of the camera.
-            wish: where an arm of seven joints is to go besides; None: nowhere.
+            wish: where joints go in what the twist leaves free, and near singularities; None: nowhere.
 
         Raises:
             ServoStop: no velocities for it can be sent; the robot stands still by then.

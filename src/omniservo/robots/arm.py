@@ -25,7 +25,11 @@ from omniservo.robots.kinematics.twist_matrix import twist_matrix
 from omniservo.robots.kinematics.wrist_geometry import WristGeometry
 from omniservo.robots.link import Link, Shape
 
-__all__ = ["LENGTH_SCALE", "SINGULAR_VALUE", "Arm"]
+__all__ = ["LEAST_SINGULAR_VALUE", "LENGTH_SCALE", "SINGULAR_VALUE", "Arm"]
+
+LEAST_SINGULAR_VALUE = 0.005
+"""An arm that is led along planned joints is stopped below it. Plans keep `SINGULAR_VALUE`; noise leads arms
+that start or end near it below that."""
 
 
 class Arm:
@@ -214,27 +218,31 @@ class Arm:
     ) -> FloatArray:
         """Return q̇ (n,) [rad/s] that moves the camera with the twist (6,) (linear, angular; camera frame).
 
-        Of the many that do with seven joints, the nearest to ``wish`` (n,) [rad/s], or the smallest:
-        q̇ = J⁺ twist + (I − J⁺J) wish.
+        q̇ = J* twist + (I − J*J) wish, J = U diag(σ) Vᵀ the camera Jacobian with its linear rows divided by
+        `LENGTH_SCALE`, J* = V diag(σ / max(σ, `SINGULAR_VALUE`)²) Uᵀ. Where no σ is below `SINGULAR_VALUE`
+        J* is the pseudoinverse, so q̇ has the twist; of the many that do with seven joints, it is the nearest
+        to ``wish`` (n,) [rad/s], or the smallest. Along a v of a smaller σ twist and wish are mixed, the
+        twist with a share of (σ / `SINGULAR_VALUE`)².
 
         Raises:
-            JointLimit: the arm is singular at ``q``: the smallest singular value of the camera Jacobian,
-                linear rows divided by `LENGTH_SCALE`, is below `SINGULAR_VALUE`.
+            JointLimit: the arm is singular at ``q``: a σ is below `LEAST_SINGULAR_VALUE`, or, where there is
+                no wish, below `SINGULAR_VALUE`.
             InputError: wrong shape, NaN or infinity.
         """
         twist = finite_array("camera_twist", camera_twist, (6,)).copy()
         scaled = self.scaled_camera_jacobian(q, flange_T_camera)
         twist[:3] /= LENGTH_SCALE
         left, values, right = np.linalg.svd(scaled, full_matrices=False)
-        if values[-1] < SINGULAR_VALUE:
+        least = SINGULAR_VALUE if wish is None else LEAST_SINGULAR_VALUE
+        if values[-1] < least:
             raise JointLimit(
-                f"the arm is singular: smallest singular value {values[-1]:.4f}; "
-                f"at least {SINGULAR_VALUE:g} is needed"
+                f"the arm is singular: smallest singular value {values[-1]:.4f}; at least {least:g} is needed"
             )
-        velocities: FloatArray = right.T @ ((left.T @ twist) / values)
+        inverted = values / np.maximum(values, SINGULAR_VALUE) ** 2
+        velocities: FloatArray = right.T @ (inverted * (left.T @ twist))
         if wish is not None:
             wanted = finite_array("wish", wish, (self.dof,))
-            velocities += wanted - right.T @ (right @ wanted)
+            velocities += wanted - right.T @ (inverted * values * (right @ wanted))
         return velocities
 
     def limit_margins(self, q: npt.ArrayLike) -> FloatArray:

@@ -139,7 +139,7 @@ class BlindMotion:
 
         Args:
             why: what is wrong with the newest image; None: none came.
-            wish: where an arm of seven joints is to go besides; None: nowhere.
+            wish: where joints go in what the twist leaves free, and near singularities; None: nowhere.
 
         Raises:
             ServoStop: ``why``, or `StaleImage`, after ``patience``; or the robot was stopped.

@@ -170,7 +170,7 @@ def servo(
         time_limit: of the whole servo [s].
         on_step: called after every command; what it raises stops the robot.
         on_wait: called when the robot slows down for want of images, and when that is over.
-        posture: where an arm of seven joints is to be while the camera goes its way; None: anywhere.
+        posture: where joints go in what twists leave free, and near singularities; None: anywhere.
 
     What stops it latches in the supervisor: nothing moves the robot again until `Supervisor.release`.
 
@@ -274,9 +274,8 @@ class _Loop:
 
     @property
     def _wish(self) -> Wish | None:
-        """Where the arm is to go besides; six joints leave nothing free."""
-        free = self._supervisor.arm.dof > 6
-        return towards(self._posture, self.start) if self._posture is not None and free else None
+        """Where the arm is to go in what the twist leaves free, and near singularities."""
+        return None if self._posture is None else towards(self._posture, self.start)
 
     def _found(self, image: CameraImage, time: float) -> tuple[FloatArray, BoolArray]:
         """Return the points found (n, 2) [px], as they were at the time stamp, and which (n,)."""

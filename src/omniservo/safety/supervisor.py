@@ -199,7 +199,7 @@ class Supervisor:
 
         Args:
             twist: of the camera.
-            wish: where an arm of seven joints is to go besides; None: nowhere.
+            wish: where joints go in what the twist leaves free, and near singularities; None: nowhere.
 
         Returns:
             What became of the first velocities.
