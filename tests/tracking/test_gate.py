@@ -62,7 +62,7 @@ def test_a_point_beyond_the_rim_of_the_lens_cannot_be_where_something_is_seen():
     twist = tracker.step(0.0, np.vstack((seen, FISHEYE.project([0.5, -0.7, 0.1])[0])))
     assert tracker.report.used.tolist() == [True] * 5 + [False]
     assert np.abs(twist).max() < 1e-6
-    assert np.sqrt(np.diag(tracker.report.filtered_covariance)).max() < 1e-3
+    assert np.sqrt(np.diag(tracker.report.filtered_covariance)).max() < 2e-3
 
 
 def test_too_few_points_that_agree_stop_the_servo():

@@ -167,7 +167,7 @@ def test_the_first_image_of_a_good_target_decides():
     values, covariance = row(moved(seen, np.full(6, 0.01))), covariance_at_start()
     estimate, everything = (values, covariance, np.zeros(2)), np.ones(9, bool)
     correct_state(FISHEYE.parameters, FRONT, pixels, everything, row(fit), np.zeros(6), estimate)
-    np.testing.assert_allclose(gap(fit, pose_of(values)), 0.0, atol=1e-7)
+    np.testing.assert_allclose(gap(fit, pose_of(values)), 0.0, atol=3e-5)
 
 
 def test_the_filtered_pose_is_nearer_to_the_truth_than_that_of_single_images():
