@@ -175,7 +175,7 @@ def test_what_is_missing_is_named_beside_what_is_there():
 
 def endpoint(**given):
     fields = {"key": "1", "topic": "/t", "ros_type": "p/msg/T", "reliable": True, "transient": False}
-    return Endpoint(**{**fields, "deadline": FOREVER, **given})
+    return Endpoint(**{**fields, "deadline": FOREVER, "type_hash": "", **given})
 
 
 @pytest.mark.parametrize(
@@ -199,6 +199,13 @@ def endpoint(**given):
             "the subscriber requests a deadline of 0.1 s",
         ),
         (endpoint(ros_type="p/msg/U"), endpoint(), "publishes", "/t is of p/msg/U, and not of p/msg/T"),
+        (endpoint(type_hash="RIHS01_ab"), endpoint(), "publishes", ""),
+        (
+            endpoint(type_hash="RIHS01_ab"),
+            endpoint(type_hash="RIHS01_cd"),
+            "publishes",
+            "p/msg/T is defined otherwise there: RIHS01_ab…, here RIHS01_cd…",
+        ),
     ],
 )
 def test_why_two_do_not_find_together(their, own, role, words):
@@ -234,7 +241,8 @@ def test_who_came_and_went_between_two_looks_is_not_there():
     end = time.monotonic() + 30.0
     while here.endpoints.publishers("/t") == []:
         assert time.monotonic() < end
-    assert [each.key for each in here.endpoints.publishers("/t")] == [stays.key]
+    (left,) = here.endpoints.publishers("/t")
+    assert (left.key, left.type_hash) == (stays.key, JointStateMessage.type_hash)
     here.close()
 
 

@@ -22,6 +22,7 @@ class LoopDelay:
     def __post_init__(self) -> None:
         finite_number("images", self.images, minimum=0.0, maximum=1.0)
         finite_number("motions", self.motions, minimum=0.0, maximum=1.0)
+        finite_number("images and motions", self.total, maximum=1.0)
 
     @property
     def total(self) -> float:

@@ -72,7 +72,7 @@ def sensor_of(lens: RobotCamera, late: LoopDelay | None = None) -> SensorSection
 
     ``late``: as measured; None: 20 ms later than the middle of the exposure.
     """
-    acts = SensorSection().latency if late is None else min(late.total, 1.0)
+    acts = SensorSection().latency if late is None else late.total
     return SensorSection(
         rate=lens.rate,
         latency=max(acts, 0.5 * (lens.exposure + lens.readout)),

@@ -211,7 +211,7 @@ def _pixel_variance(residuals: FloatArray, cost: float, degrees: float) -> float
     residuals[0] = kept * residuals[0] + cost
     residuals[1] = kept * residuals[1] + degrees
     wider = WIDER[min(int(residuals[1]), len(WIDER) - 1)]
-    least = max(LEAST_PIXEL_SIGMA, FEW_RESIDUALS_SIGMA / max(residuals[1], 1.0))
+    least = max(LEAST_PIXEL_SIGMA, FEW_RESIDUALS_SIGMA / residuals[1])
     return float(max(wider * residuals[0] / residuals[1], least * least))
 
 

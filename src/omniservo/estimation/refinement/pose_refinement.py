@@ -17,7 +17,7 @@ LEAST_POINTS = 4
 
 MOST_STEPS = 200
 """Accepted and rejected; ten are enough but where a plane's two poses are about to become one: there the
-valley is flat, and 60 were too few for one image of a tag of 60 px in some thousand."""
+valley is flat, and 60 were too few for one image of a small tag in some thousands."""
 
 ROBUST_STEPS = 6
 LEAST_PIVOT = 1e-12

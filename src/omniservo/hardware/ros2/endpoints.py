@@ -29,6 +29,8 @@ class Endpoint:
     """whether it keeps messages for who comes later, or wants them"""
     deadline: int
     """it promises, or wants, a message at least so often [ns]"""
+    type_hash: str
+    """RIHS01_…; empty before ROS 2 Iron"""
 
     @property
     def qos(self) -> str:
@@ -121,9 +123,12 @@ def why_apart(
 
 
 def _mismatch(their: Endpoint, own: Endpoint | None, role: str) -> str:
-    """Return which quality of service, requested by one and not offered by the other, keeps two apart."""
+    """Return what keeps two apart: another definition of the type, or a quality of service not offered."""
     if own is None:
         return ""
+    if their.type_hash and own.type_hash and their.type_hash != own.type_hash:
+        theirs, ours = (each.type_hash[:15] for each in (their, own))
+        return f"{own.ros_type} is defined otherwise there: {theirs}…, here {ours}…"
     offers, wants = (their, own) if role == "publishes" else (own, their)
     missing = [
         *(["reliable"] if wants.reliable and not offers.reliable else []),
@@ -142,7 +147,8 @@ def _endpoint(sample: Any) -> Endpoint:
 
     qos = sample.qos
     reliability, durability = qos[Policy.Reliability], qos[Policy.Durability]
-    deadline = qos[Policy.Deadline]
+    deadline, data = qos[Policy.Deadline], qos[Policy.Userdata]
+    found = re.search(rb"typehash=(RIHS01_[0-9a-f]{64});", data.data) if data is not None else None
     return Endpoint(
         key=str(sample.key),
         topic=sample.topic_name[2:] if sample.topic_name.startswith("rt/") else sample.topic_name,
@@ -150,4 +156,5 @@ def _endpoint(sample: Any) -> Endpoint:
         reliable=reliability is not None and reliability != Policy.Reliability.BestEffort,
         transient=durability not in (None, Policy.Durability.Volatile),
         deadline=deadline.deadline if deadline is not None else FOREVER,
+        type_hash=found[1].decode() if found else "",
     )
