@@ -88,6 +88,19 @@ def test_of_two_that_write_one_file_at_once_the_second_is_told(tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["plan.json", "source"]
 
 
+@pytest.mark.parametrize(("umask", "file", "folder"), [(0o077, 0o600, 0o700), (0o002, 0o664, 0o775)])
+def test_results_are_readable_by_whom_the_user_lets_read(umask, file, folder, tmp_path):
+    before = os.umask(umask)
+    try:
+        write_whole(tmp_path / "result.json", "{}")
+        with whole_folder(tmp_path / "run", "known") as work:
+            (work / "known").write_text("1")
+    finally:
+        os.umask(before)
+    assert (tmp_path / "result.json").stat().st_mode & 0o777 == file
+    assert (tmp_path / "run").stat().st_mode & 0o777 == folder
+
+
 def test_a_file_is_written_whole_where_the_disk_has_no_links(tmp_path, monkeypatch):
     def refused(*of):
         raise PermissionError(1, "Operation not permitted")

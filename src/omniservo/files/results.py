@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
+import secrets
 import shutil
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import count
@@ -83,20 +83,25 @@ def _whole(path: str | Path, *, force: bool) -> Iterator[BinaryIO]:
     writable(file, force=force)
     if file.exists() and not file.is_file():
         raise InputError(f"{path}: {'a folder' if file.is_dir() else 'a device or pipe'}; a file is needed")
+    temporary = _temporary(file)
     try:
-        handle, temporary = tempfile.mkstemp(prefix=f".{file.name}.", dir=file.parent)
+        stream = temporary.open("xb")
     except OSError as error:
         raise NotWritten(path, error.strerror or str(error)) from None
     try:
-        with os.fdopen(handle, "wb") as stream:
+        with stream:
             yield stream
-        Path(temporary).chmod(0o644)
-        _named(Path(temporary), file, force=force)
+        _named(temporary, file, force=force)
     except BaseException as error:
-        Path(temporary).unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
         if isinstance(error, OSError):
             raise NotWritten(path, error.strerror or str(error)) from None
         raise
+
+
+def _temporary(path: Path) -> Path:
+    """Return a name beside a path that nobody has: `tempfile` would make what is there the user's alone."""
+    return path.with_name(f".{path.name}.{secrets.token_hex(4)}")
 
 
 def _named(temporary: Path, file: Path, *, force: bool) -> None:
@@ -170,14 +175,14 @@ def whole_folder(path: str | Path, known_by: str, *, force: bool = False, room: 
         if free < room:
             raise NotWritten(path, f"{free // 2**20} MiB are free there; about {room // 2**20} are needed")
         folder.parent.mkdir(parents=True, exist_ok=True)
-        temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
+        temporary = _temporary(folder)
+        temporary.mkdir()
     except OSError as error:
         raise NotWritten(path, error.strerror or str(error)) from None
     try:
         yield temporary
         if folder.exists() and not force:  # it was not when the work began
             raise NotWritten(path, "exists by now")
-        temporary.chmod(0o755)
         if folder.exists():
             shutil.rmtree(folder)
         temporary.replace(folder)
@@ -206,7 +211,6 @@ def _kept(temporary: Path, folder: Path) -> str:
         shutil.rmtree(temporary, ignore_errors=True)
         return "nothing was written"
     place = unused(folder.with_name(f"{folder.name}.incomplete"))
-    temporary.chmod(0o755)
     temporary.replace(place)
     return f"what was written before is kept in {place}"
 
