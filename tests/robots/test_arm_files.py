@@ -324,6 +324,32 @@ def test_mjcf_meshes_lie_in_its_mesh_folder_and_what_is_no_arm_is_left_out(tmp_p
     np.testing.assert_allclose(model.geom_rgba[-1], [1, 0, 0, 1])
 
 
+def test_a_mocap_target_of_a_scene_is_no_part_of_the_arm(tmp_path):
+    target = (
+        '<body name="target" mocap="true" pos="0 0.3 0.3"><geom type="box" size=".05 .05 .05"/>'
+        '<site name="grasp"/></body>'
+    )
+    extra = (
+        '<contact><exclude body1="target" body2="world"/></contact>'
+        '<equality><weld site1="grasp" site2="flange"/></equality>'
+    )
+    arm = read(tmp_path, mjcf(target, extra=extra), "arm.xml")
+    assert "mocap bodies left out: target; they do not belong to the arm" in arm.notices
+    plain = read(tmp_path, mjcf(), "arm.xml")
+    assert [link.name for link in arm.links] == [link.name for link in plain.links]
+    assert arm.flange == "flange"
+
+
+@pytest.mark.parametrize("joint", ['<joint type="free"/>', "<freejoint/>", '<freejoint name="loose"/>'])
+def test_what_lies_loose_in_a_scene_stays_where_it_is(tmp_path, joint):
+    cube = f'<body name="cube" pos="0.4 0.1 0.05">{joint}<geom type="box" size=".03 .03 .03"/></body>'
+    arm = read(tmp_path, mjcf(cube), "arm.xml")
+    assert arm.dof == 6
+    (seen,) = (link for link in arm.links if link.name == "cube")
+    assert seen.joint == ""
+    assert any("held still with what they carry" in notice for notice in arm.notices)
+
+
 BOMB = '<!DOCTYPE r [<!ENTITY a "ha"><!ENTITY b "&a;&a;">]>\n'
 OUTSIDE = '<!DOCTYPE r [<!ENTITY x SYSTEM "file:///etc/passwd">]>\n'
 LIMIT = '<limit lower="-2.9" upper="2.9" velocity="2.0" effort="120"/>'

@@ -1,12 +1,14 @@
 """MJCF files: checked, put together from their includes, and freed of what is not the arm.
 
 Kept are bodies with joints, shapes and sites, defaults, meshes, colours, excluded contacts, and drives if
-they are position servos. Options, sensors, key frames, lights, cameras, textures and the shapes of the world
-itself are left out; whatever could make a model large or read more files is refused.
+they are position servos. Options, sensors, key frames, lights, cameras, textures, the shapes of the world
+itself and mocap bodies, which no arm carries and nothing touches, are left out; whatever could make a model
+large or read more files is refused.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -29,6 +31,9 @@ _DROPPED = frozenset({"option", "size", "visual", "statistic", "keyframe", "sens
 _KEPT = frozenset({"compiler", "default", "asset", "worldbody", "contact", "custom", "actuator", "equality"})
 _OF_BODIES = frozenset({"body", "joint", "geom", "site", "frame", "inertial"})
 _UNSEEN = frozenset({"light", "camera"})
+_ENDS = ("body1", "body2", "site1", "site2")
+"""What a constraint or an excluded contact is between"""
+
 _OF_MESHES = frozenset(
     {"name", "class", "file", "vertex", "face", "scale", "refpos", "refquat", "maxhullvert"}
 )
@@ -59,6 +64,7 @@ class _Mjcf:
         self._root = root
         self._rates: dict[str, tuple[float, ...]] = {}
         self._left_out = 0
+        self._mocap = [body for body in root.iter("body") if body.get("mocap") == "true"]
 
     def description(self) -> Description:
         self._fields.sober(self._root)
@@ -74,16 +80,22 @@ class _Mjcf:
                 )
             kept = ET.SubElement(clean, section.tag, section.attrib)
             self._section(section, kept, folder)
-        left_out = f"shapes of the world itself left out: {self._left_out}; they do not belong to the arm"
         acceleration = self._rates.get(ACCELERATION)
         return Description(
             ET.tostring(clean, encoding="unicode"),
             self._meshes.assets,
             self._rates.get(SPEED),
             acceleration,
-            (left_out,) if self._left_out else (),
+            tuple(self._notices()),
             self._meshes.vertices,
         )
+
+    def _notices(self) -> Iterator[str]:
+        if self._left_out:
+            yield f"shapes of the world itself left out: {self._left_out}; they do not belong to the arm"
+        if self._mocap:
+            names = ", ".join(body.get("name", "without a name") for body in self._mocap)
+            yield f"mocap bodies left out: {names}; they do not belong to the arm"
 
     def _section(self, section: XmlElement, kept: ET.Element, folder: str) -> None:
         children = self._fields.children(section)
@@ -99,15 +111,22 @@ class _Mjcf:
                 if child.get("name") in (SPEED, ACCELERATION):
                     self._rates[child.get("name", "")] = self._rate(child)
         elif section.tag == "contact":
-            kept.extend(child for child in children if child.tag == "exclude")
+            kept.extend(
+                child for child in children if child.tag == "exclude" and not self._is_of_mocap(child)
+            )
         elif section.tag == "equality":
-            kept.extend(children)
+            kept.extend(child for child in children if not self._is_of_mocap(child))
         elif section.tag == "default":
             kept.extend(children)
             for material in kept.iter("material"):
                 material.attrib.pop("texture", None)
         elif {child.tag for child in children} == {"position"}:
             kept.extend(children)
+
+    def _is_of_mocap(self, pair: XmlElement) -> bool:
+        """Tell whether a constraint or an excluded contact has an end in a mocap body."""
+        names = {part.get("name") for body in self._mocap for part in body.iter() if part.get("name")}
+        return any(pair.get(end) in names for end in _ENDS)
 
     def _rate(self, numeric: XmlElement) -> tuple[float, ...]:
         values = self._fields.positive(numeric, "data", None)
@@ -154,7 +173,10 @@ class _Mjcf:
             if child.tag == "geom" and of_world:
                 self._left_out += 1
                 continue
-            if child.tag in _UNSEEN:
+            if child.tag in _UNSEEN or child in self._mocap:
+                continue
+            if child.tag == "freejoint":  # the same as a joint of this type, but that it takes no defaults
+                ET.SubElement(kept, "joint", {"name": child.get("name", ""), "type": "free"})
                 continue
             if child.tag not in _OF_BODIES:
                 raise InputError(
