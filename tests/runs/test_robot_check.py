@@ -87,6 +87,13 @@ def test_an_arm_that_goes_on_for_ever_is_found_out_and_stopped(monkeypatch):
     assert not arm.speeds.any()
 
 
+def test_an_arm_that_goes_on_for_ever_is_found_out_by_the_slowest_watchdog_too():
+    arm = WallClockArm(START)
+    _, wrong = watchdog_proof(ARM, arm, lambda motion: None, promised=1.0)
+    assert "after the last command; the watchdog promises 1 s" in wrong[0]
+    assert not arm.speeds.any()
+
+
 def test_an_arm_that_does_not_move_is_no_proof():
     arm = WallClockArm(START, kept=0.0)
     stood, wrong = watchdog_proof(ARM, arm, lambda motion: None, promised=0.1)

@@ -28,11 +28,12 @@ SECONDS = 3.0
 SLOW = math.radians(1.0)
 """at which one joint moves for the proof of the watchdog [rad/s]"""
 
-PATIENCE = 1.0
-"""So long a joint may go on after the last command before this program stops it [s]."""
-
 ALLOWED = 0.15
 """A joint must stand so long after the watchdog's time [s]."""
+
+PATIENCE = 1.25
+"""So long a joint may go on after the last command before this program stops it [s]: longer than the slowest
+watchdog (1 s) and `ALLOWED`, and no farther than the joint trial found free"""
 
 LEAST_JOINT_RATE = 50.0
 """[Hz]; slower states leave the supervisor blind for longer than its reaction"""
@@ -268,15 +269,15 @@ def watchdog_proof(
         moved = sign * (connection.read().joint_positions[joint] - before)
         if moved < 0.2 * SLOW * 0.5:
             return None, [f"{name} was sent by 0.5 deg and turned by {math.degrees(moved):.2f} deg"]
-        while time.monotonic() < last + PATIENCE:
-            state = connection.read()
-            if state.time > last and abs(state.joint_velocities[joint]) < STILL:
-                break
+        stands = False
+        while not stands and time.monotonic() < last + PATIENCE:
             time.sleep(1e-3)
+            state = connection.read()
+            stands = state.time > last and abs(state.joint_velocities[joint]) < STILL
         stood = time.monotonic() - last
     finally:
         connection.stop()
-    if stood > promised + ALLOWED:
+    if not stands or stood > promised + ALLOWED:
         return stood, [
             f"{name} went on for {stood:.2f} s after the last command; the watchdog promises {promised:g} s"
         ]
