@@ -14,6 +14,7 @@ from scipy.spatial.transform import RigidTransform
 
 import omniservo.robots
 import omniservo.runs.open_hardware as open_hardware_module
+import omniservo.runs.robot_check as robot_check
 from omniservo.calibration.camera_delay import CameraDelay
 from omniservo.cli.main import main
 from omniservo.errors import InputError, NotInControl, ProtectiveStop
@@ -387,6 +388,27 @@ def test_a_check_says_what_the_driver_notices(robot_file, filmed, capsys):
         with pytest.raises(SystemExit):
             main(["robot", "check", str(path), "--yes"])
     assert "notice           the pendant's speed slider stands at 50%" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_a_check_goes_by_what_was_measured_and_says_what_was_of_another_camera(
+    robot_file, filmed, monkeypatch, capsys
+):
+    given, checked = [], robot_check.check_robot
+
+    def noted(*arguments):
+        given.append((arguments[3]._offset, arguments[5]))
+        return checked(*arguments)
+
+    monkeypatch.setattr(robot_check, "check_robot", noted)
+    with serving() as server:
+        path = robot_file(address=server.address, options=_ports(server))
+        for source in ("v4l2:0", load_robot(path).camera.source):
+            save_delay(path, load_robot(path, camera_source=source), FOUND)
+            with pytest.raises(SystemExit):
+                main(["robot", "check", str(path), "--yes"])
+    assert given == [(0.0, None), (0.043, stored_delay(path, load_robot(path)).loop)]
+    assert capsys.readouterr().out.count("measured with camera_source 'v4l2:0'") == 1
 
 
 @pytest.mark.slow

@@ -19,7 +19,7 @@ from omniservo.hardware.rtde.server import UrStandIn
 from omniservo.robots import ArmMode, CameraImage, RobotState, load_arm
 from omniservo.runs import robot_check
 from omniservo.runs.joint_trial import JointTrial
-from omniservo.runs.on_robot import sensor_of
+from omniservo.runs.loop_delay import LoopDelay
 from omniservo.runs.robot_check import check_robot, watchdog_proof
 from omniservo.tasks import RobotFile, load_task
 from omniservo.tasks.robot_file import RobotCamera
@@ -367,13 +367,22 @@ def test_images_that_come_less_often_than_the_robot_file_counts_on_are_told():
 )
 def test_images_before_each_of_which_the_arm_would_wait_are_to_be_mended(rate, age, counted_on):
     late = robot_check.StreamTimes(rate=rate, age_median=age, age_p99=age + 0.005, jitter=0.001)
-    found = robot_check.always_waits(late, sensor_of(lens(counted_on)))
+    found = robot_check.always_waits(late, lens(counted_on))
     legal = float(re.search(r"or camera\.rate: ([\d.]+) in the robot file", found)[1])
     assert legal < counted_on
-    assert robot_check.always_waits(late, sensor_of(lens(legal))) is None
+    assert robot_check.always_waits(late, lens(legal)) is None
     sooner = replace(late, age_median=0.05, age_p99=0.06)
-    assert robot_check.always_waits(sooner, sensor_of(lens(counted_on))) is None
-    assert robot_check.always_waits(None, sensor_of(lens(counted_on))) is None
+    assert robot_check.always_waits(sooner, lens(counted_on)) is None
+
+
+@pytest.mark.parametrize(("measured", "waits"), [(None, True), (0.2, True), (0.3, False)])
+def test_how_old_images_may_be_is_judged_by_what_robot_delay_measured(measured, waits):
+    """Of images 0.3 s old, 30 a second, of which a run without a measured delay takes those up to 0.25 s."""
+    late = None if measured is None else LoopDelay(measured, 0.02)
+    joints = robot_check.StreamTimes(rate=200.0, age_median=0.002, age_p99=0.004, jitter=0.001)
+    images = robot_check.StreamTimes(rate=30.0, age_median=0.3, age_p99=0.31, jitter=0.001)
+    assert bool(robot_check.always_waits(images, lens(30.0), late)) is waits
+    assert bool(robot_check._findings(joints, images, lens(30.0), late)) is waits
 
 
 def lens(rate):

@@ -14,6 +14,7 @@ from omniservo.cli.grouped import grouped
 from omniservo.cli.output import Output, answer_is_no
 from omniservo.cli.robot_file import Approval, RobotParts, SpeedOption, YesOption
 from omniservo.cli.robot_options import AllowOutsideOption
+from omniservo.errors import InputError
 
 if TYPE_CHECKING:
     from omniservo.runs.robot_check import LineClock, RobotCheck, StreamTimes
@@ -38,18 +39,23 @@ def check(
     with output.working("loading") as progress:
         from omniservo.runs.open_hardware import open_robot, open_robot_camera
         from omniservo.runs.robot_check import check_robot, rate_notice
-        from omniservo.runs.robot_records import save_check
+        from omniservo.runs.robot_records import save_check, stored_delay
 
         approval = Approval(progress, yes=yes)
         loaded = parts.load(robot, allow_outside=allow_outside)
         arm = loaded.loaded_arm()
+        try:
+            delay, unmeasured = stored_delay(robot, loaded, parts.driver), None
+        except InputError as error:  # run --on refuses it; a robot may be checked before it is measured again
+            delay, unmeasured = None, str(error)
+        late = None if delay is None else delay.loop
         progress("connecting to arm and camera")
         connection = open_robot(loaded, arm, parts.driver)
-        with closing(connection), closing(open_robot_camera(loaded)) as camera:
+        with closing(connection), closing(open_robot_camera(loaded, delay)) as camera:
             progress("listening")
-            found = check_robot(loaded, arm, connection, camera, approval)
+            found = check_robot(loaded, arm, connection, camera, approval, late)
             slow = rate_notice(found.images, loaded.camera.rate)
-            notices = [*getattr(connection, "notices", ()), *filter(None, [camera.notice, slow])]
+            notices = [*getattr(connection, "notices", ()), *filter(None, [camera.notice, slow, unmeasured])]
     output.line(f"{'joints':<16} {_spelled(found.joints)}")
     output.line(f"{'images':<16} {'none' if found.images is None else _spelled(found.images)}")
     output.line(f"{'arm clock':<16} {_spelled_clock(found.arm_clock)}")

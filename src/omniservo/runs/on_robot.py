@@ -79,3 +79,11 @@ def sensor_of(lens: RobotCamera, late: LoopDelay | None = None) -> SensorSection
         exposure=lens.exposure,
         readout=lens.readout,
     )
+
+
+def image_latency_of(lens: RobotCamera, late: LoopDelay | None = None) -> float:
+    """Return how late a robot's images come after the middle of their exposure, at most [s].
+
+    ``late``: as measured; None: as late as `sensor_of` takes a twist to act.
+    """
+    return sensor_of(lens).latency if late is None else late.images

@@ -19,7 +19,7 @@ from omniservo.hardware.shifted_camera import ShiftedCamera
 from omniservo.robots import Arm, CameraSource, next_image
 from omniservo.runs.hardware_cell import HardwareCell
 from omniservo.runs.moved_joint import moved_joint
-from omniservo.runs.on_robot import on_robot
+from omniservo.runs.on_robot import image_latency_of, on_robot
 from omniservo.runs.robot_records import StoredDelay
 from omniservo.runs.safety_of_task import image_age_of, safety_of_task
 from omniservo.safety import SafetyOptions, refuse_unready
@@ -158,8 +158,9 @@ def open_hardware(
     options = safety_of_task(begun)
     if delay is not None:
         options = delay.within(options)
-    if late is not None:  # the supervisor's clock ends where an image comes, not where its twist acts
-        options = replace(options, image_age=image_age_of(robot.camera.rate, late.images))
+    # the supervisor's clock ends where an image comes, not where its twist acts
+    age = image_age_of(robot.camera.rate, image_latency_of(robot.camera, late))
+    options = replace(options, image_age=age)
     return begun, _cell(scene, robot, _Seats(approve, driver, delay), options)
 
 

@@ -15,12 +15,13 @@ from omniservo.geometry.arrays import FloatArray
 from omniservo.hardware import ArmConnection, ClockMap
 from omniservo.robots import SELF_CLEARANCE, Arm, ArmBodies, ArmMode, CameraSource
 from omniservo.runs.joint_trial import STILL, JointAnswer, JointTrial
-from omniservo.runs.on_robot import sensor_of
+from omniservo.runs.loop_delay import LoopDelay
+from omniservo.runs.on_robot import image_latency_of
 from omniservo.runs.safety_of_task import FRAMES_MISSED, image_age_of
 from omniservo.safety import SafetyOptions, refuse_unready
 from omniservo.safety.blind_motion import BEGINS_BEFORE
 from omniservo.tasks import RobotFile
-from omniservo.tasks.sensor import SensorSection
+from omniservo.tasks.robot_file import RobotCamera
 
 SECONDS = 3.0
 """that states and images are listened to"""
@@ -105,6 +106,7 @@ def check_robot(
     connection: ArmConnection,
     camera: CameraSource,
     approve: Callable[[str], None],
+    late: LoopDelay | None = None,
 ) -> RobotCheck:
     """Listen to a robot, try every joint, then move one at 1°/s, fall silent, and see it stop.
 
@@ -114,6 +116,8 @@ def check_robot(
         connection: to it; use it no more afterwards: the watchdog may have ended it.
         camera: on its flange.
         approve: called with what the arm is about to do; raises where it may not.
+        late: how late its images were measured to be, by which ``camera`` corrects their stamps then; None:
+            they were not.
 
     Raises:
         NoSolutionError: it may not move.
@@ -123,8 +127,7 @@ def check_robot(
     clocks = line_clock(connection), line_clock(camera)
     state = connection.read()
     findings = [
-        *_findings(joints, images),
-        *filter(None, [always_waits(images, sensor_of(robot.camera))]),
+        *_findings(joints, images, robot.camera, late),
         *([] if arm.within_limits(state.joint_positions) else ["a joint is out of the arm file's range"]),
     ]
     if state.mode is not ArmMode.READY:
@@ -161,17 +164,16 @@ def rate_notice(images: StreamTimes | None, rate: float) -> str | None:
     )
 
 
-def always_waits(images: StreamTimes | None, sensor: SensorSection) -> str | None:
+def always_waits(images: StreamTimes, lens: RobotCamera, late: LoopDelay | None = None) -> str | None:
     """Return what to say of images of which the newest is too old before the next one comes; None: nothing.
 
-    The arm slows down before each of them comes, and never gets on.
+    The arm slows down before each of them comes, and never gets on. ``late``: see `check_robot`.
     """
-    if images is None:
-        return None
-    period, most = 1.0 / images.rate, image_age_of(sensor.rate, sensor.latency)
+    latency = image_latency_of(lens, late)
+    period, most = 1.0 / images.rate, image_age_of(lens.rate, latency)
     if images.age_median + period + BEGINS_BEFORE <= most:
         return None
-    needed = images.age_p99 + period + BEGINS_BEFORE - sensor.latency
+    needed = images.age_p99 + period + BEGINS_BEFORE - latency
     return (
         f"images are {images.age_median:.3f} s old, {images.rate:.1f} come a second: before the next "
         f"one comes the newest is {images.age_median + period:.3f} s old, and the arm waits for images from "
@@ -180,7 +182,9 @@ def always_waits(images: StreamTimes | None, sensor: SensorSection) -> str | Non
     )
 
 
-def _findings(joints: StreamTimes, images: StreamTimes | None) -> list[str]:
+def _findings(
+    joints: StreamTimes, images: StreamTimes | None, lens: RobotCamera, late: LoopDelay | None
+) -> list[str]:
     options, found = SafetyOptions(), []
     if joints.rate < LEAST_JOINT_RATE:
         found.append(f"joint states come {joints.rate:.0f} times a second; at least {LEAST_JOINT_RATE:g}")
@@ -190,13 +194,14 @@ def _findings(joints: StreamTimes, images: StreamTimes | None) -> list[str]:
             " a slow line, or a computer that is too busy"
         )
     if images is None:
-        found.append("no images come")
-    elif images.age_p99 > options.image_age:
+        return [*found, "no images come"]
+    most = image_age_of(lens.rate, image_latency_of(lens, late))
+    if images.age_p99 > most:
         found.append(
-            f"1% of the images are {images.age_p99:.3f} s old or more; at most {options.image_age:g} s: a "
+            f"1% of the images are {images.age_p99:.3f} s old or more; at most {most:.3g} s: a "
             "slow line, or a camera or computer that is too busy"
         )
-    return found
+    return [*found, *filter(None, [always_waits(images, lens, late)])]
 
 
 def _listened(connection: ArmConnection, camera: CameraSource) -> tuple[StreamTimes, StreamTimes | None]:
