@@ -293,6 +293,24 @@ def test_how_late_a_twist_acts_is_what_was_measured_with_its_uncertainty(robot_f
     assert stored_delay(path, robot).loop is None
 
 
+def test_delays_that_no_run_can_bear_are_refused_where_they_are_read(robot_file):
+    assert LoopDelay(0.6, 0.4).total == 1.0
+    for images, motions, words in (
+        (0.6, 0.5, "images and motions: 1.1"),
+        (1.1, 0.0, "images: 1.1"),
+        (0.0, 1.1, "motions: 1.1"),
+    ):
+        with pytest.raises(InputError, match=rf"{words} given; legal: .* 1\b"):
+            LoopDelay(images, motions)
+        with pytest.raises(InputError, match=f"run.json: late: {words}"):
+            LoopDelay.from_fields({"images": images, "motions": motions}, "run.json: late")
+    path = robot_file()
+    written = save_delay(path, load_robot(path), FOUND)
+    written.write_text(json.dumps(json.loads(written.read_text()) | {"image_age_s": 1.02}))
+    with pytest.raises(InputError, match=r"robot\.delay\.json: images and motions: 1\.0"):
+        stored_delay(path, load_robot(path))
+
+
 def test_the_way_taken_up_begins_later_where_images_and_motions_were_measured_to_be_later(robot_file):
     robot, joints = load_robot(robot_file()), scene_of_task(TASK).start_joints
     arm, late = robot.loaded_arm(), LoopDelay(images=0.15, motions=0.05)
