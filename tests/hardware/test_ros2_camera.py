@@ -377,6 +377,18 @@ def test_the_clock_of_joint_states_shows_a_delay_that_every_image_has(node):
         camera.close()
 
 
+def test_images_from_the_future_are_of_another_clock(node):
+    """Its computer's clock is ahead of that of joint states: the stamps would all be the arrivals."""
+    publisher = node.publish("/camera/image_raw", ImageMessage, reliable=False)
+    states = node.publish("/joint_states", JointStateMessage)
+    with Sending(publisher, message_of(GREY, "mono8"), [states]) as sending:
+        camera = Ros2Camera("/camera/image_raw", network=HERE, clock_topic="/joint_states")
+        sending.age = -0.3
+        with pytest.raises(ClockFault, match=r"an image is 0\.[23]\d+ s ahead of the clock of /joint_states"):
+            wait_until(lambda: camera.image() is None, "the fault")
+        camera.close()
+
+
 def test_a_publisher_that_goes_is_a_lost_connection():
     node = RosNode(HERE)
     publisher = node.publish("/camera/image_raw", ImageMessage, reliable=False)

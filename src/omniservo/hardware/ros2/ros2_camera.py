@@ -9,7 +9,7 @@ import time
 from omniservo.cameras.models import CentralModel
 from omniservo.errors import ClockFault, ConnectionLost, InputError, InvalidData, ServoStop
 from omniservo.geometry.arrays import finite_number
-from omniservo.hardware.clock_map import ClockMap
+from omniservo.hardware.clock_map import SETTLING, STEP, ClockMap
 from omniservo.hardware.ros2.endpoints import why_apart
 from omniservo.hardware.ros2.image_pixels import camera_of_info, grey_of_compressed, grey_of_image
 from omniservo.hardware.ros2.network import DdsNetwork
@@ -27,6 +27,9 @@ SIGMA = 0.001
 
 SIGMA_OF_ARRIVAL = 0.02
 """That of an arrival in place of a stamp, at least [s]."""
+
+OLDEST = 1.0
+"""An image older than this by the clock of joint states is not stamped by it [s]."""
 
 _TICK = 0.02
 
@@ -68,6 +71,8 @@ class Ros2Camera:
         self.notice: str | None = None
         """what is assumed of the images' times, in words; None where they have stamps"""
         self._clock = ClockMap()
+        self._clock_begun = math.inf
+        """when the first stamp of the clock topic came [s]"""
         self._image: CameraImage | None = None
         self._fault: ServoStop | None = None
         self._wrong = ""
@@ -127,6 +132,7 @@ class Ros2Camera:
                 messages, arrival = self._heard.take(), time.monotonic()
                 for joints in self._joints.take() if self._joints is not None else []:
                     if joints.header.stamp.seconds > 0.0:
+                        self._clock_begun = min(self._clock_begun, arrival)
                         self._clock.monotonic(joints.header.stamp.seconds, arrival)
                 times = [self._time_of(message.header.stamp.seconds, arrival) for message in messages]
                 if messages and times[-1] is not None:  # decoding takes time: only the newest one
@@ -155,10 +161,13 @@ class Ros2Camera:
         if math.isnan(self._clock.offset):
             return None
         at = stamp + self._clock.offset
-        if abs(arrival - at) > 1.0:
+        # the first joint states may have come late, and the clock's map with them
+        ahead = STEP if arrival - self._clock_begun > SETTLING else OLDEST
+        if not -OLDEST <= at - arrival <= ahead:
+            where = f"{at - arrival:.3f} s ahead of" if at > arrival else f"{arrival - at:.3f} s old by"
             raise ClockFault(
-                f"{self._heard.topic}: an image is {arrival - at:.3f} s old by the clock of "
-                f"{self._joints.topic}"
+                f"{self._heard.topic}: an image is {where} the clock of {self._joints.topic}: another clock "
+                "stamps it"
             )
         return min(at, arrival), self._sigma
 
