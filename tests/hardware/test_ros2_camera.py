@@ -145,6 +145,7 @@ def bomb():
         (bomb(), "60000×60000 pixels; legal|not an image that can be read"),
         (cv2.imencode(".png", COLOURS)[1].tobytes()[:60], "broken|not an image"),
         (cv2.imencode(".png", 16 * GREY.astype(np.uint16))[1].tobytes(), "16 bits a pixel; legal: 8"),
+        (cv2.imencode(".png", 16 * COLOURS.astype(np.uint16))[1].tobytes(), "16 bits a pixel; legal: 8"),
     ],
 )
 def test_a_compressed_image_that_is_not_legal_is_refused_before_it_is_decoded(data, words):

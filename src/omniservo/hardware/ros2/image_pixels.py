@@ -19,6 +19,9 @@ from omniservo.ros_messages.messages import CameraInfoMessage, CompressedImageMe
 MOST_PIXELS = 50_000_000
 """Largest image that is taken."""
 
+_PNG_DEPTH = 24
+"""The byte of a PNG that states the bits of a channel: behind signature, IHDR's head, width and height."""
+
 ENCODINGS: dict[str, tuple[int, int | None]] = {
     "mono8": (1, None),
     "8UC1": (1, None),
@@ -71,13 +74,14 @@ def grey_of_compressed(message: CompressedImageMessage) -> ByteArray:
     where = f"{message.ros_type}.data"
     try:
         with Image.open(io.BytesIO(data), formats=("JPEG", "PNG")) as head:
-            (width, height), deep = head.size, head.mode.startswith("I")
+            (width, height), kind = head.size, head.format
     except UnidentifiedImageError:
         raise InputError(f"{where}: not an image; legal: JPEG, PNG") from None
     except Exception as error:  # the readers of formats raise whatever they meet
         raise InputError(f"{where}: not an image that can be read: {spelled(str(error))}") from None
     _refuse_size(message.ros_type, width, height)
-    if deep:  # of 12 bits in 16 the decoder would leave a black image
+    # of 12 bits in 16 the decoder would leave a black image; Pillow's modes tell only grey ones
+    if kind == "PNG" and data[_PNG_DEPTH] > 8:
         raise InputError(f"{where}: 16 bits a pixel; legal: 8")
     pixels = cv2.imdecode(message.data, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION)
     if pixels is None or pixels.shape != (height, width):
