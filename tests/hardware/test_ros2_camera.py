@@ -122,6 +122,13 @@ def test_compressed_images(suffix):
     assert np.abs(grey.astype(int) - GREY).max() <= (1 if suffix == ".png" else 12)
 
 
+def test_a_mosaic_that_was_compressed_as_it_is_becomes_grey():
+    message = compressed(cv2.imencode(".png", mosaic("rggb"))[1].tobytes())
+    message.format = "bayer_rggb8; png compressed "
+    raw = message_of(mosaic("rggb"), "bayer_rggb8")
+    assert np.array_equal(grey_of_compressed(message), grey_of_image(raw))
+
+
 def bomb():
     """A PNG of 60 000 × 60 000 pixels in a few bytes."""
 

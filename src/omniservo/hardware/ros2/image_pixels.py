@@ -86,6 +86,10 @@ def grey_of_compressed(message: CompressedImageMessage) -> ByteArray:
     pixels = cv2.imdecode(message.data, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION)
     if pixels is None or pixels.shape != (height, width):
         raise InputError(f"{where}: an image that is broken")
+    # image_transport compresses a mosaic as it is, and says so: "bayer_rggb8; jpeg compressed"
+    size, conversion = ENCODINGS.get(message.format.partition(";")[0].strip(), (0, None))
+    if size == 1 and conversion is not None:
+        pixels = cv2.cvtColor(pixels, conversion)
     return np.asarray(pixels, dtype=np.uint8)
 
 
