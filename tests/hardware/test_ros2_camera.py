@@ -333,6 +333,28 @@ def test_an_image_of_another_size_or_encoding_is_invalid_data_and_the_old_one_co
         camera.close()
 
 
+def test_a_broken_image_now_and_then_is_passed_over(node):
+    topic, data = "/camera/image_raw/compressed", cv2.imencode(".jpg", GREY)[1].tobytes()
+    publisher = node.publish(topic, CompressedImageMessage, reliable=False)
+    whole, broken = compressed(data), compressed(data[: len(data) // 2])
+
+    def send(message):
+        message.header.stamp = TimeMessage.of(time.monotonic())
+        publisher.write(message)
+
+    with Sending(publisher, whole):
+        camera = Ros2Camera(topic, network=HERE, patience=PATIENCE)
+    shown = camera.image().time
+    send(broken)
+    wait_until(lambda: camera._wrong, "what is wrong")
+    assert camera.image().time >= shown
+    send(whole)
+    wait_until(lambda: not camera._wrong and camera.image().time > shown, "the next image")
+    with pytest.raises(InvalidData, match="an image that is broken"):
+        wait_until(lambda: send(broken) or camera.image() is None, "the error")
+    camera.close()
+
+
 def still_shown(camera):
     try:
         return camera.image()

@@ -31,6 +31,9 @@ SIGMA_OF_ARRIVAL = 0.02
 OLDEST = 1.0
 """An image older than this by the clock of joint states is not stamped by it [s]."""
 
+PASSED_OVER = 0.5
+"""Messages that are no legal image are passed over for so long [s]: cameras send broken ones now and then."""
+
 _TICK = 0.02
 
 
@@ -75,7 +78,8 @@ class Ros2Camera:
         """when the first stamp of the clock topic came [s]"""
         self._image: CameraImage | None = None
         self._fault: ServoStop | None = None
-        self._wrong = ""
+        self._wrong, self._taken = "", time.monotonic()
+        """what is wrong with the newest message; when the newest image was taken in [s]"""
         self._lock = threading.Lock()
         self._closing = threading.Event()
         self._node = RosNode(network or DdsNetwork())
@@ -105,14 +109,14 @@ class Ros2Camera:
         Raises:
             ConnectionLost: no one publishes images any more.
             ClockFault: the camera's clock was set, or its stamps are not of the clock topic's clock.
-            InvalidData: the newest message is no legal image, or of another size than those before.
+            InvalidData: for `PASSED_OVER` no message was a legal image, of the size of those before.
         """
         with self._lock:
             if self._closing.is_set():
                 raise ConnectionLost("the connection was closed")
             if self._fault is not None:
                 raise type(self._fault)(str(self._fault))
-            if self._wrong:
+            if self._is_wrong:
                 raise InvalidData(f"{self._heard.topic}: {self._wrong}")
             return self._image
 
@@ -124,6 +128,10 @@ class Ros2Camera:
         if self._thread.ident is not None:
             self._thread.join()
         self._node.close()
+
+    @property
+    def _is_wrong(self) -> bool:
+        return bool(self._wrong) and time.monotonic() - self._taken > PASSED_OVER
 
     def _run(self) -> None:
         while not self._closing.is_set():
@@ -187,11 +195,12 @@ class Ros2Camera:
                 self._wrong = f"an image of {w}×{h} pixels; those before had {was_w}×{was_h}"
             elif before is None or at > before.time:
                 self._wrong, self._image = "", CameraImage(at, pixels, sigma)
+                self._taken = time.monotonic()
 
     def _open(self) -> None:
         end = time.monotonic() + self._patience
         while self._image is None:
-            if self._fault is not None or self._wrong:
+            if self._fault is not None or self._is_wrong:
                 where = self._heard.topic
                 raise self._fault or InputError(f"{where}: {self._wrong}")
             if time.monotonic() > end:
@@ -208,8 +217,8 @@ class Ros2Camera:
         return InputError(words) if found and why else ConnectionLost(words)
 
     def _silence(self) -> str:
-        if self._heard.refused:
-            return self._heard.refusal
+        if self._heard.refused or self._wrong:
+            return self._heard.refusal or self._wrong
         if self._joints is not None and math.isnan(self._clock.offset):
             return f"{self._joints.topic} has no time stamps, which images were to be timed by"
         large = "large images lose parts on the way: raise net.core.rmem_max, or take the compressed topic"
