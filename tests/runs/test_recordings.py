@@ -300,6 +300,15 @@ def test_a_task_in_a_recording_reads_no_file_of_its_reader(recording, tmp_path):
     assert secret not in read
 
 
+@pytest.mark.parametrize("given", ["omniservo.recording/2", "other"])
+def test_a_recording_of_another_format_is_refused_with_the_version_that_wrote_it(tmp_path, given):
+    with RunRecording(tmp_path / "newer.mcap") as newer:
+        newer.parameters({"format": given, "version": "9.1.0"})
+        newer.attach("run.json", "application/json", b"{}")
+    with pytest.raises(InputError, match=r"newer\.mcap: format: '" + given + "' given; .* version '9.1.0'"):
+        replay_run(tmp_path / "newer.mcap")
+
+
 def test_a_recording_that_is_not_ours_is_refused(tmp_path):
     with RunRecording(tmp_path / "other.mcap") as other:
         other.attach("notes.txt", "text/plain", b"hello")

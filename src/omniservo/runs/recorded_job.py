@@ -228,6 +228,12 @@ class RecordedJob:
                 raise InputError(f"{self.run.path}: attachments of more than {MOST_FILES} bytes")
             self._known.files[entry.name] = entry.data
         elif isinstance(entry, Parameters):
+            given = entry.values.get("format")
+            if entry.name == topics.PARAMETERS and given != topics.FORMAT:
+                raise InputError(
+                    f"{self.run.path}: format: {spelled(given)} given; legal: {topics.FORMAT!r}: written by "
+                    f"version {spelled(entry.values.get('version'))} of omniservo"
+                )
             if entry.name == topics.DROPPED:
                 self.dropped += _whole(f"{self.run.path}: {entry.name}", entry.values.get("images"))
         else:
