@@ -17,11 +17,11 @@ NAMES = ("base", "shoulder", "elbow", "roll", "bend", "turn")
 WATCHDOG = 0.2  # [s]
 
 
-def start() -> tuple[str, int]:
-    """Wait for one client in a thread, and return host and port."""
+def start() -> str:
+    """Wait for one client in a thread, and return the address, HOST:PORT."""
     server = socket.create_server(("127.0.0.1", 0))
     threading.Thread(target=control, args=(server,)).start()
-    return server.getsockname()
+    return "{}:{}".format(*server.getsockname())
 
 
 def control(server: socket.socket) -> None:
@@ -53,5 +53,6 @@ def rehearse(arm: ArmConnection) -> None:
 
 
 if __name__ == "__main__":
-    with socket.create_connection(start()) as line, line.makefile() as stream:
+    host, _, port = start().rpartition(":")
+    with socket.create_connection((host, int(port))) as line, line.makefile() as stream:
         print(stream.readline(), end="")

@@ -1,6 +1,6 @@
-"""Write a driver of your own: an arm whose controller (own_controller.py) speaks JSON lines over TCP.
+"""Write a driver of your own (--driver own_driver.py:SocketArm): an arm that speaks JSON lines over TCP.
 
-Prints how far the arm turned, and that it stops by itself when commands end.
+Prints how far the arm of own_controller.py turned, and that it stops by itself when commands end.
 """
 
 import json
@@ -9,7 +9,6 @@ import time
 from threading import Thread
 
 import numpy as np
-from own_controller import NAMES, WATCHDOG, rehearse, start
 
 from omniservo.errors import ConnectionLost
 from omniservo.hardware import ClockMap
@@ -17,11 +16,10 @@ from omniservo.robots import RobotState
 
 
 class SocketArm:
-    watchdog = WATCHDOG  # so long after the last command the arm itself stops [s]
-
-    def __init__(self, host: str, port: int, joint_names: tuple[str, ...]) -> None:
-        self.joint_names, self.clock, self.newest, self.lost = joint_names, ClockMap(), None, ""
-        self.line = socket.create_connection((host, port), timeout=2.0)  # a longer silence is a loss
+    def __init__(self, address: str, joint_names: tuple[str, ...]) -> None:
+        self.joint_names, self.watchdog = joint_names, 0.2  # the arm stops so long after the last command [s]
+        self.clock, self.newest, self.lost = ClockMap(), None, ""
+        self.line = socket.create_connection(address.split(":"), timeout=2.0)  # a longer silence is a loss
         self.thread = Thread(target=self.listen, daemon=True)
         self.thread.start()
         while self.read() is None:
@@ -57,4 +55,6 @@ class SocketArm:
 
 
 if __name__ == "__main__":
-    rehearse(SocketArm(*start(), joint_names=NAMES[::-1]))
+    from own_controller import NAMES, rehearse, start
+
+    rehearse(SocketArm(start(), NAMES[::-1]))

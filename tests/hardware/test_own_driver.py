@@ -9,8 +9,12 @@ import numpy as np
 import pytest
 from tests.hardware.wall_clock_arm import wait_for
 
+from omniservo.cameras import preset
 from omniservo.errors import ConnectionLost
 from omniservo.hardware import ArmConnection
+from omniservo.robots import load_arm
+from omniservo.runs.open_hardware import open_robot
+from omniservo.tasks import RobotFile
 
 FOLDER = Path(__file__).resolve().parents[2] / "examples"
 
@@ -41,7 +45,7 @@ def lost_words(arm):
 
 def test_it_is_a_connection_whose_joints_go_by_name(examples):
     controller, driver = examples
-    arm = driver.SocketArm(*controller.start(), joint_names=controller.NAMES[::-1])
+    arm = driver.SocketArm(controller.start(), controller.NAMES[::-1])
     assert isinstance(arm, ArmConnection)
     speeds = np.arange(6) / 100.0
     wait_for(lambda: np.array_equal(arm.read().joint_velocities, speeds), lambda: arm.command(speeds))
@@ -56,10 +60,28 @@ def test_it_is_a_connection_whose_joints_go_by_name(examples):
     assert lost_words(arm)
 
 
+def test_it_is_opened_by_a_robot_file_as_the_page_says(examples):
+    controller, _ = examples
+    names, arm = controller.NAMES[::-1], load_arm("ur5e")
+    robot = RobotFile.model_validate(
+        {
+            "driver": "my own",
+            "address": controller.start(),
+            "joints": dict(zip(arm.joint_names, names, strict=True)),
+            "arm": {"model": "ur5e", "flange_T_camera": {}},
+            "camera": {"source": "v4l2:0", "calibration": preset("fe185")},
+        }
+    )
+    connection = open_robot(robot, arm, f"{FOLDER / 'own_driver.py'}:SocketArm")
+    assert connection.joint_names == names
+    assert connection.watchdog == controller.WATCHDOG
+    connection.close()
+
+
 def test_an_unknown_joint_is_named_at_opening(examples):
     controller, driver = examples
     with pytest.raises(ConnectionLost, match="'thumb'"):
-        driver.SocketArm(*controller.start(), joint_names=("thumb",))
+        driver.SocketArm(controller.start(), ("thumb",))
 
 
 @pytest.mark.parametrize(
@@ -84,7 +106,7 @@ def test_a_controller_that_ends_or_errs_is_lost_with_the_reason(examples, line, 
 
         thread = threading.Thread(target=serve)
         thread.start()
-        arm = driver.SocketArm(*server.getsockname(), joint_names=("a",))
+        arm = driver.SocketArm("{}:{}".format(*server.getsockname()), ("a",))
         assert arm.read().joint_positions.tolist() == [0.5]
         said.set()
         assert words in lost_words(arm)
