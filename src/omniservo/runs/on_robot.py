@@ -36,13 +36,8 @@ def on_robot(
         raise InputError(f"{task.name}: moves: obstacles are moved by the simulator alone")
     if robot.workspace is not None and task.planning.workspace is not None:
         raise InputError(f"{task.name}: planning.workspace: the robot file states one too; legal: one")
-    margins = arm.limit_margins(joints)
-    if margins.min() < 0.0:
-        worst = int(margins.argmin())
-        raise InputError(
-            f"the arm's joint {arm.joint_names[worst]} is at {np.rad2deg(joints[worst]):.1f} deg, out of the "
-            f"range in {arm.path.name}: another arm's file, or another zero?"
-        )
+    if words := out_of_range(arm, joints):
+        raise InputError(words)
     world_T_base = RigidTransform.from_translation(np.asarray(task.arm.foot))
     flange_T_camera = robot.arm.flange_T_camera.transform
     world_T_here = world_T_base * arm.base_T_flange(joints) * flange_T_camera
@@ -65,6 +60,19 @@ def on_robot(
         sources, kept = task.sources, None if late is None else late.to_dict()
         begun = begun.read_from(TaskOnRobot(sources.path, sources.read, sources.packages, task, robot, kept))
     return begun, replace(scene_of_task(begun), arm=arm, start_joints=joints)
+
+
+def out_of_range(arm: Arm, joints: FloatArray) -> str:
+    """Return in words which joint (n,) [rad] is farthest out of its range; "" where none is."""
+    margins = arm.limit_margins(joints)
+    worst = int(margins.argmin())
+    if margins[worst] >= 0.0:
+        return ""
+    at, low, high = np.rad2deg([joints[worst], *arm.joint_range[worst]])
+    return (
+        f"the arm's joint {arm.joint_names[worst]} is at {at:.2f} deg, out of the range in {arm.path.name}, "
+        f"{low:.5g} to {high:.5g} deg: bring it inside; or is this another arm's file, or another zero?"
+    )
 
 
 def sensor_of(lens: RobotCamera, late: LoopDelay | None = None) -> SensorSection:

@@ -16,7 +16,7 @@ from omniservo.hardware import ArmConnection, ClockMap
 from omniservo.robots import SELF_CLEARANCE, Arm, ArmBodies, ArmMode, CameraSource
 from omniservo.runs.joint_trial import STILL, JointAnswer, JointTrial
 from omniservo.runs.loop_delay import LoopDelay
-from omniservo.runs.on_robot import image_latency_of
+from omniservo.runs.on_robot import image_latency_of, out_of_range
 from omniservo.runs.safety_of_task import FRAMES_MISSED, image_age_of
 from omniservo.safety import SafetyOptions, refuse_unready
 from omniservo.safety.blind_motion import BEGINS_BEFORE
@@ -128,13 +128,13 @@ def check_robot(
     state = connection.read()
     findings = [
         *_findings(joints, images, robot.camera, late),
-        *([] if arm.within_limits(state.joint_positions) else ["a joint is out of the arm file's range"]),
+        *filter(None, [out_of_range(arm, state.joint_positions)]),
     ]
     if state.mode is not ArmMode.READY:
         findings.append(f"the arm is in {state.mode.replace('_', ' ')}")
-    gap = _self_clearance(arm, state.joint_positions)
+    gap, parts = _self_clearance(arm, state.joint_positions)
     if gap < SELF_CLEARANCE:
-        findings.append(f"parts of the arm are {1e3 * gap:.1f} mm apart: another arm file, or another zero?")
+        findings.append(f"{parts} are {1e3 * gap:.1f} mm apart: another arm file, or another zero?")
     stopped: float | None = None
     answers: tuple[JointAnswer, ...] = ()
     if not findings:
@@ -235,11 +235,12 @@ def _stream_times(arrivals: list[tuple[float, float]]) -> StreamTimes | None:
     )
 
 
-def _self_clearance(arm: Arm, joints: FloatArray) -> float:
-    """Return the smallest gap [m] between parts of the arm, of those that are nearer than `NEAR`."""
+def _self_clearance(arm: Arm, joints: FloatArray) -> tuple[float, str]:
+    """Return the smallest gap [m] between parts of the arm, of those nearer than `NEAR`, and which."""
     bodies = ArmBodies(arm)  # what it carries is not in its file
     bodies.place(joints)
-    return min((each.gap for each in bodies.near(NEAR)), default=NEAR)
+    nearest = min(bodies.near(NEAR), key=lambda each: each.gap, default=None)
+    return (NEAR, "") if nearest is None else (nearest.gap, " and ".join(bodies.names(nearest.pair)))
 
 
 def watchdog_proof(
