@@ -597,6 +597,14 @@ def test_a_mount_from_a_file_leaves_the_arm_and_its_foot_as_they_are_stated(tmp_
     assert np.array_equal(arm.mount_covariance, covariance)
 
 
+@pytest.mark.parametrize("given", ["mount.json", ""])
+def test_a_mount_that_is_no_file_is_refused_by_its_field(tmp_path, given):
+    document = changed("arm", {"model": "rx60", "foot": [1, 2, -341], "flange_T_camera": given})
+    words = rf"task\.yaml: arm\.flange_T_camera: {given!r}: no such file; legal: .* or a pose"
+    with pytest.raises(InputError, match=words):
+        load_task(written(tmp_path, document))
+
+
 def test_older_files_say_tool_for_the_flange_but_not_both(tmp_path):
     document = changed("arm.tool_T_camera", {"translation": [0, 0, 50]})
     with pytest.raises(InputError, match="give flange_T_camera or tool_T_camera, which mean the same"):

@@ -158,6 +158,12 @@ def found_mount(arm: dict[str, Any], files: TaskFiles) -> dict[str, Any]:
             from omniservo.calibration.hand_eye import load_hand_eye  # only tasks that name a file pay for it
 
             path = files.path(f"arm.{name}", arm[name])
+            if not is_file(path):
+                raise InputError(
+                    f"{files.source}: arm.{name}: {spelled(arm[name])}: no such file; legal: one of "
+                    "omniservo robot calibrate-hand-eye, or a pose, {translation: [x, y, z], "
+                    "quaternion: [x, y, z, w]}"
+                )
             flange_T_camera, covariance = load_hand_eye(path)
             translation, quaternion = flange_T_camera.translation, flange_T_camera.rotation.as_quat()
             # a Pose, not a mapping: the calibration is in metres whatever the task's units are
