@@ -10,7 +10,7 @@ import pytest
 from tests.hardware.wall_clock_arm import wait_for
 
 from omniservo.cameras import preset
-from omniservo.errors import ConnectionLost
+from omniservo.errors import ConnectionLost, InputError, InvalidData, RobotLost
 from omniservo.hardware import ArmConnection
 from omniservo.robots import load_arm
 from omniservo.runs.open_hardware import open_robot
@@ -76,6 +76,74 @@ def test_it_is_opened_by_a_robot_file_as_the_page_says(examples):
     assert connection.joint_names == names
     assert connection.watchdog == controller.WATCHDOG
     connection.close()
+
+
+OWN = """
+import numpy as np
+from omniservo.robots import RobotState
+
+
+class Arm:
+    watchdog = 0.1
+
+    def __init__(self, address, joint_names):
+        self.state = RobotState(1.0, np.zeros(6), np.zeros(6))
+
+    def read(self):
+        return self.state
+
+    def command(self, joint_velocities):
+        pass
+
+    def stop(self):
+        pass
+
+    def close(self):
+        pass
+
+
+class Own(Arm):
+    {body}
+"""
+
+
+@pytest.mark.parametrize(
+    ("body", "error", "words"),
+    [
+        (
+            "def __init__(self): pass",
+            InputError,
+            "Own: too many positional .* legal: what takes addr",
+        ),
+        (
+            "def __new__(cls, *given): return 7",
+            InputError,
+            "Own: gives a int; legal: what has read, c",
+        ),
+        ("watchdog = '0.1'", InputError, "driver: .*Own: watchdog: '0.1' given"),
+        ("watchdog = 0.0", InputError, "driver: .*Own: watchdog: 0"),
+        ("watchdog = None", InputError, "driver: .*Own cannot promise that the arm stops"),
+        ("joint_names = ('a', 'b')", InputError, r"joint_names: \('a', 'b'\) given; legal: those"),
+        ("def __init__(self, *_): {}['port']", ConnectionLost, "Own: cannot be opened: KeyError: 'port'"),
+        ("def read(self): return None", InvalidData, "the robot reports None for its joints"),
+        ("def read(self): {}['q']", RobotLost, "the robot's read failed: KeyError: 'q'"),
+        ("def command(self, speeds): {}['q']", RobotLost, "the robot's command failed: KeyError: 'q'"),
+    ],
+)
+def test_what_an_own_driver_does_wrong_is_one_message(tmp_path, body, error, words):
+    (tmp_path / "own.py").write_text(OWN.replace("{body}", body))
+    arm = load_arm("ur5e")
+    robot = RobotFile.model_validate(
+        {
+            "driver": "my own",
+            "arm": {"model": "ur5e", "flange_T_camera": {}},
+            "camera": {"source": "v4l2:0", "calibration": preset("fe185")},
+        }
+    )
+    with pytest.raises(error, match=words):
+        connection = open_robot(robot, arm, f"{tmp_path / 'own.py'}:Own")
+        connection.read()
+        connection.command(np.zeros(6))
 
 
 def test_an_unknown_joint_is_named_at_opening(examples):

@@ -202,6 +202,7 @@ def test_a_driver_without_a_watchdog_is_refused_unless_one_is_stated(robot_file,
         "    watchdog = None\n"
         "    def __init__(self, address, joint_names): self.joint_names = joint_names\n"
         "    def close(self): self.closed = True\n"
+        "    read = command = stop = close\n"
     )
     own = f"{tmp_path / 'own.py'}:Arm"
     robot = load_robot(robot_file())

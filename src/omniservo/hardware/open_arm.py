@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from importlib.metadata import entry_points
 
-from omniservo.errors import InputError, did_you_mean, spelled
+from omniservo.errors import ConnectionLost, InputError, OmniservoError, did_you_mean, spelled
 from omniservo.field_docs import with_field_docs
 from omniservo.files import python_class
-from omniservo.hardware.arm_connection import ArmConnection
-from omniservo.robots import Arm
+from omniservo.geometry.arrays import finite_number
+from omniservo.robots import Arm, ArmDriver
 
 GROUP = "omniservo.drivers"
 """The entry points under which installed packages offer drivers."""
@@ -38,25 +39,63 @@ class ArmAddress:
     options: Mapping[str, bool | float | int | str] = field(default_factory=dict)
     """further arguments of the driver"""
 
-    def open(self) -> ArmConnection:
-        """Connect, and return once a first state is there.
+    def open(self) -> ArmDriver:
+        """Connect, and return once a first state is there; of our own drivers an `ArmConnection`.
 
         Raises:
-            InputError: no such driver, or an argument that it does not take; no one at the address.
-            ConnectionLost: the connection was lost before the first state.
+            InputError: no such driver, or an argument that it does not take; no one at the address; what it
+                gives is no driver, has other joints, or a watchdog that is no time.
+            ConnectionLost: the connection was lost before the first state, or the driver cannot be opened.
         """
         driver = _driver_named(self.driver)
         arguments: tuple[object, ...] = self.address, self.joint_names
         if self.driver == "ros2":
             arguments = (*arguments, self.arm, self.watchdog)
+        called = inspect.signature(driver)
         try:
-            inspect.signature(driver).bind(*arguments, **self.options)
+            called.bind_partial(*arguments)
+        except TypeError as error:
+            raise InputError(
+                f"driver: {self.driver}: {error}; legal: what takes address, joint_names and the options"
+            ) from None
+        try:
+            called.bind(*arguments, **self.options)
         except TypeError as error:
             raise InputError(f"options: the driver {self.driver}: {error}") from None
-        return driver(*arguments, **self.options)
+        try:
+            opened = driver(*arguments, **self.options)
+        except OmniservoError:
+            raise
+        except Exception as error:  # of an installed or own driver: whatever it meets
+            words = f"driver {self.driver}: cannot be opened: {type(error).__name__}: {error}"
+            raise ConnectionLost(words) from error
+        try:
+            self._refuse_unfit(opened)
+        except InputError:
+            with suppress(Exception):  # it may be what is missing
+                opened.close()
+            raise
+        return opened
+
+    def _refuse_unfit(self, opened: ArmDriver) -> None:
+        where = f"driver: {self.driver}"
+        if not isinstance(opened, ArmDriver):
+            raise InputError(
+                f"{where}: gives a {type(opened).__name__}; legal: what has read, command, stop and close: "
+                "omniservo.hardware.ArmConnection"
+            )
+        names = getattr(opened, "joint_names", self.joint_names)
+        if not isinstance(names, list | tuple) or tuple(names) != self.joint_names:
+            raise InputError(
+                f"{where}: joint_names: {spelled(names)} given; legal: those that it was opened with, "
+                f"{spelled(self.joint_names)}"
+            )
+        watchdog = getattr(opened, "watchdog", None)
+        if watchdog is not None:
+            finite_number(f"{where}: watchdog", watchdog, above=0.0)
 
 
-def _driver_named(name: str) -> Callable[..., ArmConnection]:
+def _driver_named(name: str) -> Callable[..., ArmDriver]:
     """Return what connects to an arm."""
     if name == "rtde":
         from omniservo.hardware.rtde import RtdeArm
@@ -75,5 +114,5 @@ def _driver_named(name: str) -> Callable[..., ArmConnection]:
             f"driver: {spelled(name)} given; legal: {', '.join(legal)}, or --driver FILE.py:CLASS"
             f"{did_you_mean(name, legal)}"
         )
-    found: Callable[..., ArmConnection] = installed[name].load()
+    found: Callable[..., ArmDriver] = installed[name].load()
     return found

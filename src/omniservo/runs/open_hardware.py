@@ -17,6 +17,7 @@ from omniservo.hardware import ArmAddress, ArmConnection
 from omniservo.hardware.camera_sources import open_camera
 from omniservo.hardware.shifted_camera import ShiftedCamera
 from omniservo.robots import Arm, CameraSource, next_image
+from omniservo.runs.checked_connection import CheckedConnection
 from omniservo.runs.hardware_cell import HardwareCell
 from omniservo.runs.moved_joint import moved_joint
 from omniservo.runs.on_robot import image_latency_of, on_robot
@@ -45,11 +46,12 @@ def open_robot(robot: RobotFile, arm: Arm, driver: str | None = None) -> ArmConn
         InputError: no one there, other joints, or an arm that would go on moving if this program fell silent.
         ConnectionLost: the connection was lost before the first state.
     """
-    connection = _address(robot, arm, driver).open()
+    where = _address(robot, arm, driver)
+    connection = CheckedConnection(where.open(), where.joint_names)
     if connection.watchdog is None and robot.watchdog is None:
         connection.close()
         raise InputError(
-            f"driver: {robot.driver} cannot promise that the arm stops when commands cease; state the "
+            f"driver: {where.driver} cannot promise that the arm stops when commands cease; state the "
             "watchdog of your own that stops it, in seconds (watchdog: 0.1), or choose another driver"
         )
     return connection
@@ -69,7 +71,8 @@ def listen_to_arm(robot: RobotFile, arm: Arm, driver: str | None = None) -> ArmC
     where = _address(robot, arm, driver)
     # A program of ours, or zeros on the topic of commands, would take the arm from pendant and hand.
     silent = {"rtde": {"send_program": False}, "ros2": {"listen_only": True}}.get(where.driver, {})
-    return replace(where, options={**where.options, **silent}).open()
+    listening = replace(where, options={**where.options, **silent})
+    return CheckedConnection(listening.open(), where.joint_names)
 
 
 def _address(robot: RobotFile, arm: Arm, driver: str | None) -> ArmAddress:

@@ -50,7 +50,7 @@ class CameraLink:
             InvalidData: no frame, one of another form than the first, or of a negative uncertainty.
             NotFinite: its time stamp is not finite, or how uncertain that is.
         """
-        image = _answered("image", self._camera.image)
+        image = answered("image", self._camera.image)
         if image is None:
             return None
         try:
@@ -76,7 +76,7 @@ class CameraLink:
         Raises:
             RobotLost: it raised.
         """
-        _answered("close", self._camera.close)
+        answered("close", self._camera.close)
 
 
 class RobotLink:
@@ -124,7 +124,7 @@ class RobotLink:
             ClockFault: the robot's clock ran backwards, is ahead of the clock that it is to be on, or stands
                 still while time passes.
         """
-        state = checked_state(_answered("read", self._driver.read), self._dof)
+        state = checked_state(answered("read", self._driver.read), self._dof)
         ahead = -np.inf if self._clock is None else state.time - self._clock()
         if ahead > STANDING:
             raise ClockFault(f"the robot's joints are {ahead:.3f} s ahead of this machine's clock")
@@ -167,7 +167,7 @@ class RobotLink:
             RobotLost: the driver raised.
         """
         self._commanded = self.now
-        _answered("command", lambda: self._driver.command(joint_velocities))
+        answered("command", lambda: self._driver.command(joint_velocities))
 
     def stop(self) -> None:
         """Tell the arm to brake by itself.
@@ -175,7 +175,7 @@ class RobotLink:
         Raises:
             RobotLost: the driver raised.
         """
-        _answered("stop", self._driver.stop)
+        answered("stop", self._driver.stop)
 
     def close(self) -> None:
         """End the connections to both.
@@ -184,7 +184,7 @@ class RobotLink:
             RobotLost: the driver or the camera raised; both were called.
         """
         try:
-            _answered("close", self._driver.close)
+            answered("close", self._driver.close)
         finally:
             self._camera.close()
 
@@ -195,7 +195,7 @@ class RobotLink:
             RobotLost: what lets it pass raised.
         """
         before = 0.0 if self._clock is None else self._clock()
-        _answered("wait", lambda: self._wait(duration))
+        answered("wait", lambda: self._wait(duration))
         passed = duration if self._clock is None else self._clock() - before
         self._waited += passed
         return passed
@@ -216,7 +216,12 @@ def refuse_unready(state: RobotState) -> None:
     raise NotInControl(f"the arm's controller takes no commands from this program{why}")
 
 
-def _answered(name: str, call: Callable[[], T]) -> T:
+def answered(name: str, call: Callable[[], T]) -> T:
+    """Return what a call to a robot gives.
+
+    Raises:
+        RobotLost: it raised anything but a `ServoStop`.
+    """
     try:
         return call()
     except ServoStop:
