@@ -1,8 +1,11 @@
 """The parts of finding a robot's delay that need no wall clock: tracked points, and the drives' lag."""
 
+from types import SimpleNamespace
+
 import cv2
 import numpy as np
 import pytest
+from scipy.spatial.transform import RigidTransform
 
 from omniservo.errors import NoSolutionError
 from omniservo.hardware import JointHistory
@@ -11,11 +14,14 @@ from omniservo.runs.robot_delay import (
     SECONDS,
     DelayRecording,
     actuation_lag,
+    measure_delay,
     swing,
+    swing_barred,
     swing_joints,
     swing_size,
     tracked,
 )
+from omniservo.safety import SafetyOptions
 
 ARM = load_arm("ur5e")
 
@@ -71,6 +77,23 @@ def test_the_drives_lag_is_found(lag):
     found, sigma = actuation_lag(recorded, chosen)
     assert found == pytest.approx(lag, abs=1e-3)
     assert 0.0 < sigma < 1e-3
+
+
+CLOSE = np.deg2rad([0.0, -90.0, 158.5, -41.9, 179.0, 173.1])
+"""Parts of the arm are 3.3 mm apart here, and meet where both joints have swung."""
+
+
+def test_an_arm_that_would_hit_itself_in_the_swing_does_not_move():
+    mount, begin = RigidTransform.identity(), np.deg2rad([0.0, -90.0, 90.0, -90.0, -90.0, 0.0])
+    assert swing_barred(ARM, mount, begin) == ""
+    assert "range" in swing_barred(ARM, mount, begin + np.deg2rad([0.0, 0.0, 0.0, 0.0, 449.0, 0.0]))
+    cell = SimpleNamespace(
+        scene=SimpleNamespace(arm=ARM, flange_T_camera=mount),
+        driver=SimpleNamespace(read=lambda: RobotState(0.0, CLOSE, np.zeros(6))),
+        approve=lambda motion: pytest.fail(f"about to {motion}"),
+    )
+    with pytest.raises(NoSolutionError, match=r"wrist_1 and wrist_2 have no 2\.0 deg of room .*: wrist"):
+        measure_delay(cell, SafetyOptions())
 
 
 def test_the_swing_keeps_the_joints_limits_and_ends_where_it_began():
