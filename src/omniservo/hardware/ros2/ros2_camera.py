@@ -175,7 +175,7 @@ class Ros2Camera:
             where = f"{at - arrival:.3f} s ahead of" if at > arrival else f"{arrival - at:.3f} s old by"
             raise ClockFault(
                 f"{self._heard.topic}: an image is {where} the clock of {self._joints.topic}: another clock "
-                "stamps it"
+                "stamps it; set one by the other (NTP, PTP)"
             )
         return min(at, arrival), self._sigma
 
