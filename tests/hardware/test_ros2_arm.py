@@ -285,6 +285,26 @@ def test_commands_go_on_from_where_the_joints_were_commanded_as_far_as_drives_la
         arm.close()
 
 
+def test_joints_that_are_read_elsewhere_all_at_once_are_no_step_of_the_commanded_positions(arm_only):
+    """A wrong reading, or a joint that goes round: a controller of positions would jump there."""
+    moved = START.copy()
+
+    def standing(message):
+        message.position = moved
+
+    with Talking(arm_only[0], standing):
+        arm = opened()
+        arm.command([0.2, 0, 0, 0, 0, 0])
+        moved = START + np.eye(6)[0]
+        wait_until(lambda: arm.read().joint_positions[0] == moved[0], "the joints elsewhere")
+        arm.command([0.1, 0, 0, 0, 0, 0])
+        arm.stop()
+        sent = wait_until(arm_only[1].take, "the stop")
+        begun = np.array([message.points[0].positions[0] for message in sent])
+        assert np.abs(begun - START[0]).max() < 0.3
+        arm.close()
+
+
 def test_a_second_publisher_of_commands_takes_control_away_while_it_is_there(arm_only):
     with Talking(arm_only[0]):
         arm = opened()

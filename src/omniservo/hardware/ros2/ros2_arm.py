@@ -33,6 +33,10 @@ FIRST_ZEROS = 0.25
 AT_REST = 0.5
 """So long after it came to rest [s] a motion begins where the joints are, not where they were commanded."""
 
+TAKEN_BACK = 0.2
+"""The commanded position is taken back towards the measured one no faster than it was commanded to move, and
+this [rad/s]."""
+
 STALE = 0.04
 """After so long without a state [s] messages that name some joints only are an error [s]."""
 
@@ -46,7 +50,7 @@ class Ros2Arm:
 
     Commands count from where the joints were *commanded* to be (a position that lags behind would slow each
     command down), as long as that is no farther from where they are than drives lag: 0.02 rad and the way of
-    0.2 s.
+    0.2 s. Beyond that they are taken back by and by, see `TAKEN_BACK`: one wrong reading is no step.
 
     Args:
         joint_names: the wanted joints, in the order of all arrays; found by name.
@@ -208,8 +212,11 @@ class Ros2Arm:
         measured = state.joint_positions + state.joint_velocities * min(max(now - state.time, 0.0), 0.1)
         reference = measured
         if self._motion is not None and now < self._motion.end + AT_REST:
-            lag = 0.02 + 0.2 * np.abs(self._motion.velocities)
-            reference = np.clip(self._motion.at(now)[0], measured - lag, measured + lag)
+            speeds, commanded = np.abs(self._motion.velocities), self._motion.at(now)[0]
+            lag, back = 0.02 + 0.2 * speeds, (speeds + TAKEN_BACK) * (now - self._motion.begin)
+            # no step of the controller's positions, whatever one reading says
+            within = np.clip(commanded, measured - lag, measured + lag)
+            reference = np.clip(within, commanded - back, commanded + back)
         self._motion = ReferenceMotion(now, reference, velocities, hold, self._accelerations)
         self._rest_sent = False
         self._send(now)
