@@ -15,6 +15,7 @@ from omniservo.robots import (
     shipped_arms,
     suggested_mount,
     suggested_posture,
+    suggested_table,
 )
 
 
@@ -62,6 +63,20 @@ def test_a_small_arm_stands_high_enough_for_a_target_before_its_camera(tmp_path)
     hand = flange.rotation.apply(looks(arm))
     assert hand[2] < -0.6
     assert flange.translation[2] >= -0.42 * hand[2] > 0.4 * arm.reach
+
+
+@pytest.mark.slow
+def test_an_arm_may_stand_anywhere_in_its_file(tmp_path):
+    """One of two arms stands beside the origin of their frame."""
+    foot, found = np.array([-0.5, 0.7, 0.0]), []
+    for place in (np.zeros(3), foot):
+        path = tmp_path / "arm.urdf"
+        name, xyz, *rest = SIX[0]
+        path.write_text(urdf(((name, tuple(place + xyz), *rest), *SIX[1:])))
+        arm = Arm(path)
+        q = suggested_posture(arm)
+        found.append(suggested_table(arm, suggested_mount(arm), q).pose.translation)
+    np.testing.assert_allclose(found[1], found[0] + foot, atol=1e-9)
 
 
 @pytest.mark.parametrize("twist", [0.0, 1e-9])

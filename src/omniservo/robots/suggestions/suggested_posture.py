@@ -78,9 +78,7 @@ class _FirstTask:
         """Return the configurations that hold the camera at that tilt, the best first."""
         if tilt not in self._ranked:
             found = {
-                tuple(q): self._value(q)
-                for pose in _views(self._arm.reach, tilt)
-                for q in self._reaching(pose)
+                tuple(q): self._value(q) for pose in _views(self._arm, tilt) for q in self._reaching(pose)
             }
             best = sorted((q for q in found if found[q] > 0.0), key=lambda q: -found[q])
             self._ranked[tilt] = [np.array(q) for q in best[:_TRIED]]
@@ -158,20 +156,29 @@ class _FirstTask:
         return own_sight_in(self._arm, q, camera, target, surroundings=around, kept=kept).status == "free"
 
     def regular(self) -> FloatArray:
-        """Return the configuration of many, free if one is, that is farthest from singular ones."""
+        """Return the configuration of many, free if one is, that is farthest from singular ones.
+
+        Free of the floor, too, unless the arm hangs or stands where the file has none.
+        """
         arm = self._arm
         middle, half = arm.joint_range.mean(axis=1), 0.4 * np.ptp(arm.joint_range, axis=1)
         drawn = middle + half * np.random.default_rng(0).uniform(-1.0, 1.0, (_POSTURES, arm.dof))
         values = [np.linalg.svd(arm.scaled_flange_jacobian(q), compute_uv=False)[-1] for q in drawn]
         order = np.argsort(values)[::-1]
-        bodies = ArmBodies(arm, mounted=self._camera)
-        free = (i for i in order if self._is_free(drawn[i], bodies, SELF_CLEARANCE))
+        alone = ArmBodies(arm, mounted=self._camera)
+        free = (
+            i
+            for bodies in (self._bodies, alone)
+            for i in order
+            if self._is_free(drawn[i], bodies, SELF_CLEARANCE)
+        )
         return np.asarray(drawn[next(free, order[0])])
 
 
-def _views(reach: float, tilt: float) -> Iterator[RigidTransform]:
+def _views(arm: Arm, tilt: float) -> Iterator[RigidTransform]:
     """Yield poses of a camera that looks down, or tilted outwards or inwards, in the base frame."""
+    x, y, _ = arm.chain.anchors[0]
     for aside, above, yaw in product(_ASIDE, _ABOVE, _YAWS):
         for way in (-tilt, tilt) if tilt else (0.0,):
             turned = Rotation.from_euler("yxz", [way, np.pi, yaw])
-            yield RigidTransform.from_components([aside * reach, 0.0, above], turned)
+            yield RigidTransform.from_components([x + aside * arm.reach, y, above], turned)

@@ -41,6 +41,7 @@ def suggested_table(arm: Arm, flange_T_camera: RigidTransform, q: FloatArray) ->
     """
     base_T_camera = arm.base_T_flange(q) * flange_T_camera
     x, y, height = base_T_camera.apply([0.0, 0.0, _AHEAD])
+    foot_x, foot_y, _ = arm.chain.anchors[0]
     down = -float(base_T_camera.rotation.apply([0.0, 0.0, 1.0])[2])
     top = height - _ASIDE * math.sqrt(max(0.0, 1.0 - down * down))
     if down < _DOWN or top < _LOWEST:
@@ -52,6 +53,6 @@ def suggested_table(arm: Arm, flange_T_camera: RigidTransform, q: FloatArray) ->
         bodies = ArmBodies(arm, mounted=camera, surroundings=(table,))
         bodies.place(q)
         is_free = not any(table.name in bodies.names(near.pair) for near in bodies.near(_FREE))
-        if max(abs(x), abs(y)) - half >= _FOOT and is_free:
+        if max(abs(x - foot_x), abs(y - foot_y)) - half >= _FOOT and is_free:
             return table
     return None
