@@ -39,6 +39,13 @@ def refusal(capsys, folder, document):
     return end.value.code, captured.err
 
 
+def test_an_arm_that_something_pushes_at_the_goal_is_a_wrong_task_that_names_it(tmp_path, document):
+    elbow = {"center": [300, -50, 450], "half_extents": [50, 50, 50], "frame": "base"}
+    document["surroundings"] = [*document.get("surroundings", []), elbow]
+    with pytest.raises(InputError, match="while it was taken: .*surroundings.* touch; legal: an arm that"):
+        taught(load_task(written(tmp_path, document)))
+
+
 def test_a_target_of_seven_dots_is_a_wrong_task(capsys, tmp_path, document):
     document["target"]["dots"] = document["target"]["dots"][:7]
     code, message = refusal(capsys, tmp_path, document)

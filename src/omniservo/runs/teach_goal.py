@@ -44,8 +44,10 @@ def teach_here(task: Task, cell: RobotCell) -> TaughtGoal:
     turned = np.abs(joints - before)
     if turned.max() > STANDS:
         name, most = cell.scene.arm.joint_names[int(turned.argmax())], np.rad2deg(turned.max())
+        touching = [] if cell.truth is None else sorted(" and ".join(pair) for pair in cell.truth.contacts())
+        why = f": {', '.join(touching)} touch" if touching else ""
         raise InputError(
-            f"{task.name}: the goal image: {name} turned by {most:.2f} deg while it was taken; "
+            f"{task.name}: the goal image: {name} turned by {most:.2f} deg while it was taken{why}; "
             f"legal: an arm that stands, to {np.rad2deg(STANDS):.2f} deg"
         )
     kind = feature_kind_of(task)
