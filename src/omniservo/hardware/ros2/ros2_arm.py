@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from omniservo.errors import ConnectionLost, InputError, InvalidData, NotInControl, ServoStop
-from omniservo.geometry.arrays import FloatArray, finite_array, finite_number
+from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array, finite_number
 from omniservo.hardware.clock_map import ClockMap
 from omniservo.hardware.ros2.commands import HOLD, ArmCommands, TrajectoryCommands
 from omniservo.hardware.ros2.endpoints import why_apart
@@ -60,6 +60,7 @@ class Ros2Arm:
         network: where it is.
         patience: how long a first state, and a subscriber of commands, is waited for [s].
         listen_only: no command is ever sent; then ``watchdog`` is None.
+        continuous: (n,) the joints that may turn more than once: see `JointStates`.
 
     Raises:
         InputError: a name that the arm has not, a topic of another type, incompatible QoS, a controller that
@@ -78,6 +79,7 @@ class Ros2Arm:
         network: DdsNetwork | None = None,
         patience: float = 5.0,
         listen_only: bool = False,
+        continuous: BoolArray | None = None,
     ) -> None:
         self._names = tuple(joint_names) if not isinstance(joint_names, str) else (joint_names,)
         refuse_names(self._names)
@@ -88,7 +90,7 @@ class Ros2Arm:
         self._commands = commands or TrajectoryCommands()
         self._listen_only = listen_only
         self._watchdog = None if listen_only else self._commands.proven_watchdog(self._names)
-        self._states = JointStates(self._names)
+        self._states = JointStates(self._names, continuous)
         self._state: RobotState | None = None
         self._motion: ReferenceMotion | None = None
         self._rest_sent = False
