@@ -64,6 +64,22 @@ def test_what_moves_in_the_scene_is_not_the_camera(room):
     assert found.displacement_px < 0.1
 
 
+def test_a_camera_that_is_displaced_and_not_turned_moved(room):
+    was, ahead = room[0], 0.03
+    v, u = np.mgrid[: OTHER_LENS.height, : OTHER_LENS.width].astype(float)
+    now_sees = OTHER_LENS.unproject(np.stack((u.ravel(), v.ravel()), axis=1))[0]
+    # all of the scene is at distance 1: |s b + ahead| = 1
+    along = ahead * now_sees[:, 2]
+    distance = np.sqrt(along**2 + 1.0 - ahead**2) - along
+    places = OTHER_LENS.project(distance[:, None] * now_sees + [0.0, 0.0, ahead])[0]
+    places = places.reshape(*was.shape, 2).astype(np.float32)
+    now = cv2.remap(was, places[..., 0], places[..., 1], cv2.INTER_CUBIC)
+    found = check_camera(OTHER_LENS, was, now)
+    assert found.moved is True
+    off = np.concatenate((found.rotation, found.translation - [0.0, 0.0, ahead]))
+    assert off @ np.linalg.solve(found.covariance, off) < chi2.ppf(0.999, 6)
+
+
 def test_where_half_of_the_image_stands_still_and_half_moves_nothing_is_said(room):
     was, still, moved = room
     now = still.copy()

@@ -145,8 +145,8 @@ def check_camera(camera: CentralModel, reference: ByteArray, now: ByteArray) -> 
     (Tukey's weights); the one that explains more of the image is the camera's. What moves in the scene fills
     less of it, or both are given up: ``moved`` None, unless neither leaves anything where it was. The motion
     is tested against none at all (χ², 6 degrees of freedom) with the scatter of what was found, clustered by
-    parts of the image, with `SHARED_ERROR` alike over `ALIKE_OVER`, for light that shifts edges, and with
-    distances that differ.
+    parts of the image, and with `SHARED_ERROR` alike over `ALIKE_OVER`, for light that shifts edges; the
+    covariance counts distances that differ, too.
 
     Args:
         camera: took both images.
@@ -179,15 +179,21 @@ def check_camera(camera: CentralModel, reference: ByteArray, now: ByteArray) -> 
     left = np.linalg.norm(_seen_from(best.twist, pairs[0]) - pairs[1], axis=1) > near
     rival = _fit(camera, image, templates, pixel, _common(pairs[0][left], pairs[1][left], near))
     if rival is None or not _apart(best, rival) or _cells(camera, rival) <= RIVAL * _cells(camera, best):
-        return _judged(best, _covariance(camera, best), again)
+        return _judged(camera, best, np.zeros(6), again)
     if min(_size(best), _size(rival)) < FARTHEST:
         return _unknown(agree, again, "two motions explain as much of the image each")
-    off = best.twist - rival.twist  # near and far move apart, and nothing stands still
-    return _judged(best, _covariance(camera, best) + np.outer(off, off), again)
+    # near and far move apart, and nothing stands still
+    return _judged(camera, best, best.twist - rival.twist, again)
 
 
-def _judged(motion: _Motion, covariance: FloatArray, again: int) -> CameraCheck:
-    square = float(motion.twist @ np.linalg.solve(covariance, motion.twist))
+def _judged(camera: CentralModel, motion: _Motion, off: FloatArray, again: int) -> CameraCheck:
+    """Test a motion against none, and say how sure it is; ``off`` (6,): by how much another one differs.
+
+    Distances that differ move nothing of what a camera that stands still sees: they are no part of the test.
+    """
+    still = _covariance(camera, motion, np.zeros(3))
+    covariance = _covariance(camera, motion, motion.twist[3:]) + np.outer(off, off)
+    square = float(motion.twist @ np.linalg.solve(still, motion.twist))
     probability = float(chdtrc(6, square))
     moved = probability < FALSE_ALARM_RATE
     rms, count = _size(motion), int(motion.agree.sum())
@@ -341,8 +347,11 @@ def _apart(one: _Motion, other: _Motion) -> bool:
     return bool(np.sqrt((shift**2).sum(1).mean()) > 1.0)
 
 
-def _covariance(camera: CentralModel, motion: _Motion) -> FloatArray:
-    """Return the covariance (6, 6) of a fitted motion: scatter clustered by parts of the image, and light."""
+def _covariance(camera: CentralModel, motion: _Motion, displacement: FloatArray) -> FloatArray:
+    """Return the covariance (6, 6) of a fitted motion: scatter clustered by parts of the image, and light.
+
+    ``displacement`` (3,) over the mean distance: with it distances that differ count.
+    """
     agree = motion.agree
     jacobian, weight, pixels = motion.jacobian[agree], motion.weight[agree], motion.pixels[agree]
     inverse = np.linalg.inv(np.einsum("nij,n,nik->jk", jacobian, weight, jacobian) + _PRIOR)
@@ -354,6 +363,6 @@ def _covariance(camera: CentralModel, motion: _Motion) -> FloatArray:
     alike = ModelError(1.0, ALIKE_OVER * camera.width).covariance(pixels, pixels)
     weighted = weight[:, None, None] * jacobian
     shared = SHARED_ERROR**2 * np.einsum("nij,nm,mik->jk", weighted, alike, weighted)
-    parallax = DEPTH_SPREAD * np.einsum("nij,ni->nj", weighted, jacobian[:, :, 3:] @ motion.twist[3:])
+    parallax = DEPTH_SPREAD * np.einsum("nij,ni->nj", weighted, jacobian[:, :, 3:] @ displacement)
     shared += parallax.T @ alike @ parallax
     return np.asarray(inverse @ (scatter + shared + _PRIOR) @ inverse)
