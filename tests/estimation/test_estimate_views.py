@@ -188,6 +188,29 @@ def test_a_flat_target_of_known_points_needs_no_depth():
     assert walk.worst(found) < 0.02
 
 
+@pytest.mark.parametrize(("larger", "status"), [(1.5, "ok"), (5.0, "not_converged")])
+def test_a_group_of_known_points_in_quite_another_size_is_refused_by_its_points(larger, status):
+    walk = Walk(np.random.default_rng(1))
+    groups = np.repeat(np.arange(4), 4)
+    known = np.where(groups[:, None] == 2, 1.0 / larger, 1.0) * walk.points[:16]
+    found = estimate_views(CAMERA, walk.noise(0.1), scale=KnownPoints(np.arange(16), known, groups))
+    assert found.status == status, found.message
+    if status != "ok":
+        assert found.message.startswith("the known points 8, 9, 10, 11 are ")
+
+
+def test_a_place_next_to_infinity_does_not_make_up_the_whole_size():
+    rng = np.random.default_rng(4)
+    walk, groups = Walk(rng, views=3, n=24), np.repeat(np.arange(4), 4)
+    pixels = walk.noise(0.05)
+    far = 1e7 * np.array([0.1, 0.0, 1.0])
+    pixels[:, 3] = [CAMERA.project(pose.inv().apply(far))[0] for pose in walk.poses]
+    known = KnownPoints(np.arange(16), walk.points[:16], groups)
+    found = estimate_views(CAMERA, pixels, scale=known)
+    assert found.status == "not_converged", found
+    assert "times as far apart as they should be" in found.message
+
+
 def test_views_of_which_much_noise_is_stated_have_poses():
     walk = Walk(np.random.default_rng(3), views=4, n=30)
     found = estimate_views(CAMERA, walk.noise(3.0), noise=3.0)

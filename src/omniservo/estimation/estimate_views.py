@@ -83,7 +83,8 @@ def estimate_views(
         scale: None: the centres of the first two views are 1 apart, not metric. A number: their distance [m].
             ((i, j), d): the distance of the points i and j [m]. `ViewDistance`: that of any two views'
             centres. `KnownPoints`: points with known coordinates. `KnownDisplacements`: of the camera between
-            some views, with their covariance.
+            some views, with their covariance. A group of `KnownPoints` of less than half or more than twice
+            its size by all groups together is "not_converged".
         scale_sigma: relative standard deviation of that.
         robust: leave out pixels that do not agree with the others or are outside the camera's domain.
         noise: σ of a pixel coordinate [px], one number or (v, n); None: from the residuals.
@@ -347,7 +348,7 @@ class _Adjustment:
         factor = (2.0**-0.5 if used.metres is None else used.metres) / value
         views.poses[:, 4:] *= factor
         views.points *= factor
-        return ""
+        return used.contradiction(views.points)
 
     def concluded(self, scale_sigma: float, started: float) -> MultiViewEstimate | None:
         """Return the answer; None where the views do not determine the motion."""

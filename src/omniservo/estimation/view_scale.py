@@ -48,6 +48,12 @@ class KnownPoints:
 
 _PAIR = np.zeros(2, dtype=np.int64)
 
+_OTHER_SIZE = 2.0
+"""Times as large or as small as all groups together say a group cannot be, however noisy its places."""
+
+_NAMED = 4
+"""known points in a message"""
+
 ViewScale = float | tuple[tuple[int, int], float] | ViewDistance | KnownPoints | KnownDisplacements | None
 
 
@@ -93,6 +99,20 @@ class GaugeLength:
     def value(self, centres: FloatArray, points: FloatArray) -> float:
         """Return the length in a structure of centres (v, 3) and points (n, 3)."""
         return float(np.linalg.norm(self._spread(centres, points)))
+
+    def contradiction(self, points: FloatArray) -> str:
+        """Return which known group the metric points (n, 3) show in quite another size, or nothing.
+
+        One place far off, or a wrong structure, makes up the whole length and leaves the others next to none.
+        """
+        for group in np.unique(self.groups) if len(self.known) else ():
+            of_group = self.groups == group
+            rows, alike = self.indices[of_group], self.groups[of_group]
+            true, seen = (np.linalg.norm(_from_means(x, alike)) for x in (self.known[of_group], points[rows]))
+            if true > 0.0 and not 1.0 / _OTHER_SIZE < seen / true < _OTHER_SIZE:
+                words = ", ".join(map(str, rows[:_NAMED])) + (", …" if len(rows) > _NAMED else "")
+                return f"the known points {words} are {seen / true:.2g} times as far apart as they should be"
+        return ""
 
     def log_gradient(self, centres: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return ∂ log(length)/∂ centres (v, 3) and ∂ points (n, 3)."""
