@@ -157,8 +157,11 @@ def test_the_angle_of_a_continuous_joint_goes_on_where_its_driver_wraps_it():
     with pytest.raises(NotFinite):
         states.take(state(8.0, NAMES, (np.nan, -3.0, 0.0), none), 108.0)
     wrapped = (turning + 200 * step + np.pi) % (2.0 * np.pi) - np.pi
+    wrapped[1] = 3.0  # a joint with ends is where it is said to be, however far that is
     after = states.take(state(8.01, NAMES, wrapped, np.zeros(3)), 108.01)
-    assert after.joint_positions == pytest.approx(turning + 200 * step)
+    assert after.joint_positions == pytest.approx(
+        [*(turning + 200 * step)[:1], 3.0, *(turning + 200 * step)[2:]]
+    )
 
 
 def test_messages_without_names_are_nobodys():
