@@ -100,7 +100,7 @@ def _whole(path: str | Path, *, force: bool) -> Iterator[BinaryIO]:
 
 
 def _temporary(path: Path) -> Path:
-    """Return a name beside a path that nobody has: `tempfile` would make what is there the user's alone."""
+    """Return a free name beside a path: what `tempfile` makes is the user's alone, whatever the umask."""
     return path.with_name(f".{path.name}.{secrets.token_hex(4)}")
 
 
