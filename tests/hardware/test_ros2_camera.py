@@ -14,6 +14,7 @@ from tests.hardware.served_arm import Served
 
 from omniservo.camera_files import load_model
 from omniservo.errors import ClockFault, ConnectionLost, InputError, InvalidData
+from omniservo.hardware.ros2 import ros2_camera
 from omniservo.hardware.ros2.image_pixels import (
     ENCODINGS,
     camera_of_info,
@@ -333,7 +334,8 @@ def test_an_image_of_another_size_or_encoding_is_invalid_data_and_the_old_one_co
         camera.close()
 
 
-def test_a_broken_image_now_and_then_is_passed_over(node):
+def test_a_broken_image_now_and_then_is_passed_over(node, monkeypatch):
+    monkeypatch.setattr(ros2_camera, "PASSED_OVER", PATIENCE)  # no stall of this machine is as long
     topic, data = "/camera/image_raw/compressed", cv2.imencode(".jpg", GREY)[1].tobytes()
     publisher = node.publish(topic, CompressedImageMessage, reliable=False)
     whole, broken = compressed(data), compressed(data[: len(data) // 2])
@@ -350,6 +352,7 @@ def test_a_broken_image_now_and_then_is_passed_over(node):
     assert camera.image().time >= shown
     send(whole)
     wait_until(lambda: not camera._wrong and camera.image().time > shown, "the next image")
+    monkeypatch.undo()
     with pytest.raises(InvalidData, match="an image that is broken"):
         wait_until(lambda: send(broken) or camera.image() is None, "the error")
     camera.close()
@@ -415,7 +418,7 @@ def test_images_from_the_future_are_of_another_clock(node):
         camera = Ros2Camera("/camera/image_raw", network=HERE, clock_topic="/joint_states")
         sending.age = -0.3
         with pytest.raises(
-            ClockFault, match=r"an image is 0\.[23]\d+ s ahead of the clock of /joint_states: .*NTP"
+            ClockFault, match=r"an image is 0\.\d+ s ahead of the clock of /joint_states: .*NTP"
         ):
             wait_until(lambda: camera.image() is None, "the fault")
         camera.close()

@@ -144,26 +144,6 @@ def test_states_are_ordered_by_name_and_by_stamp():
     assert third.time == pytest.approx(105.03, abs=1e-6)
 
 
-def test_the_angle_of_a_continuous_joint_goes_on_where_its_driver_wraps_it():
-    """Kinova's driver has 3.13 and then -3.13 rad; velocities that no message has are those of the joint."""
-    states, turning = JointStates(NAMES, np.array([True, False, True])), np.array([3.0, -3.0, -3.1])
-    step, none = np.array([0.05, 0.0, -0.05]), (np.nan, np.nan, np.nan)
-    for k in range(200):  # 10 rad: more than a turn and a half
-        wrapped = (turning + k * step + np.pi) % (2.0 * np.pi) - np.pi
-        found = states.take(state(5.0 + 0.01 * k, NAMES, wrapped, none), 105.0 + 0.01 * k)
-        if k:
-            assert found.joint_positions == pytest.approx(turning + k * step)
-            assert found.joint_velocities == pytest.approx(step / 0.01)
-    with pytest.raises(NotFinite):
-        states.take(state(8.0, NAMES, (np.nan, -3.0, 0.0), none), 108.0)
-    wrapped = (turning + 200 * step + np.pi) % (2.0 * np.pi) - np.pi
-    wrapped[1] = 3.0  # a joint with ends is where it is said to be, however far that is
-    after = states.take(state(8.01, NAMES, wrapped, np.zeros(3)), 108.01)
-    assert after.joint_positions == pytest.approx(
-        [*(turning + 200 * step)[:1], 3.0, *(turning + 200 * step)[2:]]
-    )
-
-
 def test_messages_without_names_are_nobodys():
     states = JointStates(NAMES)
     assert states.take(state(5.0, "", (), ()), 105.0) is None

@@ -7,7 +7,7 @@ from collections import deque
 import numpy as np
 
 from omniservo.errors import InputError, NotFinite, did_you_mean, spelled
-from omniservo.geometry.arrays import BoolArray, FloatArray
+from omniservo.geometry.arrays import FloatArray
 from omniservo.hardware.clock_map import ClockMap
 from omniservo.robots import RobotState
 from omniservo.ros_messages.messages import JointStateMessage
@@ -21,18 +21,14 @@ _MOST_NAMES = 256
 class JointStates:
     """Turns messages into states; a message without all joints is passed over.
 
-    Several publishers may share the topic, each with joints of its own: a gripper beside an arm. Drivers give
-    a joint that may turn on and on within ±π (Kinova's, on ros2_control): here its angle goes on, too.
+    Several publishers may share the topic, each with joints of its own: a gripper beside an arm.
 
     Args:
         joint_names: the wanted joints, in the order of the arrays.
-        continuous: (n,) which of them may turn more than once; None: none.
     """
 
-    def __init__(self, joint_names: tuple[str, ...], continuous: BoolArray | None = None) -> None:
+    def __init__(self, joint_names: tuple[str, ...]) -> None:
         self._names = joint_names
-        self._continuous = np.zeros(len(joint_names), dtype=np.bool_) if continuous is None else continuous
-        self._last: FloatArray | None = None
         self.clock = ClockMap()
         self.stamped = False
         """whether the messages have stamps; else they count from their arrival"""
@@ -65,7 +61,7 @@ class JointStates:
         if self.stamped and stamp <= self._stamp:
             return None
         self._stamp = stamp
-        positions = self._unwrapped(message.position[order])
+        positions = message.position[order]
         velocities: FloatArray | None = message.velocity[order] if len(message.velocity) else None
         if velocities is None or np.isnan(velocities).all():  # so ros2_control says that there are none
             velocities = self._differences(time, positions)
@@ -104,15 +100,6 @@ class JointStates:
                 self.passed_over = f"{count} numbers in {field} for {len(names)} names"
                 return None
         return self._order[1]
-
-    def _unwrapped(self, positions: FloatArray) -> FloatArray:
-        """Return positions (n,), continuous joints within half a turn of the last ones [rad]."""
-        if self._last is not None:
-            turns = np.round((self._last - positions) / (2.0 * np.pi))
-            positions = np.where(self._continuous, positions + 2.0 * np.pi * turns, positions)
-        if np.isfinite(positions).all():
-            self._last = positions
-        return positions
 
     def _differences(self, time: float, positions: FloatArray) -> FloatArray | None:
         """Return velocities from positions of the last `DIFFERENCE`, or of the last two messages."""

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
 from omniservo.errors import InputError, spelled
 from omniservo.hardware.ros2.commands import ArmCommands, TrajectoryCommands, TwistCommands, VelocityCommands
 from omniservo.hardware.ros2.network import DdsNetwork
@@ -66,7 +64,6 @@ def open_ros2_arm(
         joint_states=joint_states,
         network=network_of(address),
         listen_only=listen_only,
-        continuous=np.ptp(arm.joint_range, axis=1) > 2.0 * np.pi,
     )
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from omniservo.errors import ConnectionLost, InputError, InvalidData, NotInControl, ServoStop
-from omniservo.geometry.arrays import BoolArray, FloatArray, finite_array, finite_number
+from omniservo.geometry.arrays import FloatArray, finite_array, finite_number
 from omniservo.hardware.clock_map import ClockMap
 from omniservo.hardware.ros2.commands import HOLD, ArmCommands, TrajectoryCommands
 from omniservo.hardware.ros2.endpoints import why_apart
@@ -50,7 +50,8 @@ class Ros2Arm:
 
     Commands count from where the joints were *commanded* to be (a position that lags behind would slow each
     command down), as long as that is no farther from where they are than drives lag: 0.02 rad and the way of
-    0.2 s. Beyond that they are taken back by and by, see `TAKEN_BACK`: one wrong reading is no step.
+    0.2 s. Beyond that they are taken back by and by, see `TAKEN_BACK`: one wrong reading is no step, unless
+    it is half a turn away.
 
     Args:
         joint_names: the wanted joints, in the order of all arrays; found by name.
@@ -60,7 +61,6 @@ class Ros2Arm:
         network: where it is.
         patience: how long a first state, and a subscriber of commands, is waited for [s].
         listen_only: no command is ever sent; then ``watchdog`` is None.
-        continuous: (n,) the joints that may turn more than once: see `JointStates`.
 
     Raises:
         InputError: a name that the arm has not, a topic of another type, incompatible QoS, a controller that
@@ -79,7 +79,6 @@ class Ros2Arm:
         network: DdsNetwork | None = None,
         patience: float = 5.0,
         listen_only: bool = False,
-        continuous: BoolArray | None = None,
     ) -> None:
         self._names = tuple(joint_names) if not isinstance(joint_names, str) else (joint_names,)
         refuse_names(self._names)
@@ -90,7 +89,7 @@ class Ros2Arm:
         self._commands = commands or TrajectoryCommands()
         self._listen_only = listen_only
         self._watchdog = None if listen_only else self._commands.proven_watchdog(self._names)
-        self._states = JointStates(self._names, continuous)
+        self._states = JointStates(self._names)
         self._state: RobotState | None = None
         self._motion: ReferenceMotion | None = None
         self._rest_sent = False
@@ -216,9 +215,11 @@ class Ros2Arm:
         if self._motion is not None and now < self._motion.end + AT_REST:
             speeds, commanded = np.abs(self._motion.velocities), self._motion.at(now)[0]
             lag, back = 0.02 + 0.2 * speeds, (speeds + TAKEN_BACK) * (now - self._motion.begin)
-            # no step of the controller's positions, whatever one reading says
-            within = np.clip(commanded, measured - lag, measured + lag)
-            reference = np.clip(within, commanded - back, commanded + back)
+            reference = np.clip(commanded, measured - lag, measured + lag)
+            # No step of the controller's positions, whatever one reading says; but a joint that its driver
+            # gives half a turn away was wrapped there, and a controller would turn it all the way back.
+            near = np.abs(measured - commanded) < np.pi
+            reference = np.where(near, np.clip(reference, commanded - back, commanded + back), reference)
         self._motion = ReferenceMotion(now, reference, velocities, hold, self._accelerations)
         self._rest_sent = False
         self._send(now)
