@@ -86,6 +86,32 @@ def test_what_is_inside_a_hull_is_dropped_and_nothing_else():
     assert len(on_hull(cube)) < len(cube)
 
 
+def test_a_place_where_several_triangles_meet_is_kept_once():
+    """As STL has them: each triangle with corners of its own."""
+    block = ConvexHull(np.random.default_rng(3).normal(size=(40, 3)))
+    as_stl = block.points[block.simplices].reshape(-1, 3)
+    assert len(as_stl) > 4 * len(block.vertices)
+    assert len(on_hull(as_stl)) == len(block.vertices)
+
+
+def test_what_is_only_seen_of_an_arm_is_no_part_of_its_bodies(tmp_path):
+    """With a mesh that is seen, whatever its size, the same shapes and pairs as without."""
+    text = load_arm("rx60").path.read_text()
+    vertices = words(np.random.default_rng(4).normal(size=(30, 3)))
+    base = '<body name="base" childclass="arm">'
+    seen = f'{base}<geom type="mesh" mesh="part" contype="0" conaffinity="0" group="2"/>'
+    file = tmp_path / "arm.xml"
+    text = text.replace("<worldbody>", f'<asset><mesh name="part" vertex="{vertices}"/></asset><worldbody>')
+    file.write_text(text.replace(base, seen))
+    arm, plain = load_arm(file), load_arm("rx60")
+    assert arm.spec().compile().nmesh == 1
+    bodies, of_plain = ArmBodies(arm), ArmBodies(plain)
+    assert bodies.model.nmesh == 0
+    assert bodies.pairs.tolist() == of_plain.pairs.tolist()
+    q = arm.joint_range.mean(axis=1)
+    np.testing.assert_array_equal(bodies.corners(q), of_plain.corners(q))
+
+
 def test_the_support_of_a_wide_drum_is_its_rim_however_little_it_leans():
     """Radius 10 km: a direction 1e-10 rad from the axis has its farthest point on the rim."""
     for lean in (1e-9, 1e-10, 1e-13):

@@ -70,7 +70,7 @@ def test_the_pairs_of_each_shipped_arm_are_these(name):
 def test_every_shape_that_moves_is_kept_off_everything_around(name):
     around = [Solid.sphere("ball", [0.9, 0.0, 0.5], 0.1), Solid.half_space("floor", [0.0, 0.0, 1.0], -1.0)]
     bodies = ArmBodies(load_arm(name), mounted=HOUSING, surroundings=around)
-    moving = bodies.touched[bodies.shapes.carried[bodies.touched] > 0]
+    moving = np.flatnonzero(bodies.shapes.carried > 0)
     stands = [int(bodies.shapes_of(each)[0]) for each in ("around 0", "around 1")]
     pairs = {tuple(pair) for i, pair in enumerate(bodies.pairs.tolist()) if bodies.is_around(i)}
     assert pairs == set(product(stands, moving.tolist()))

@@ -152,9 +152,26 @@ class Arm:
 
         return farthest(distance, self.joint_range)
 
-    def spec(self) -> Any:
-        """Return a new MuJoCo MjSpec of the arm alone, with drives, to build a world around."""
-        return self._file.spec.copy()
+    def spec(self, *, seen: bool = True) -> Any:
+        """Return a new MuJoCo MjSpec of the arm alone, with drives, to build a world around.
+
+        Args:
+            seen: with the shapes that are only seen: meshes of many triangles, with which every compilation
+                takes several times as long.
+        """
+        return (self._file.spec if seen else self._touched_spec).copy()
+
+    @cached_property
+    def _touched_spec(self) -> Any:
+        spec = self._file.spec.copy()
+        for geom in spec.geoms:
+            if not (geom.contype or geom.conaffinity):
+                spec.delete(geom)
+        touched = {geom.meshname for geom in spec.geoms}
+        for mesh in spec.meshes:
+            if mesh.name not in touched:
+                spec.delete(mesh)
+        return spec
 
     def base_T_flange(self, q: npt.ArrayLike) -> RigidTransform:
         """Return the flange's pose in the base frame for the joints ``q`` (n,) [rad].

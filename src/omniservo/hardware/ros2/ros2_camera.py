@@ -42,8 +42,7 @@ class Ros2Camera:
 
     An image's time is its stamp on this machine's clock. What every image needs at least to get here cannot
     be distinguished from an offset of the clocks; where the stamps of joint states are of the same clock,
-    name their
-    topic: they arrive within a millisecond.
+    name their topic: they arrive within a millisecond.
 
     Args:
         topic: of `sensor_msgs/msg/Image`, or of `CompressedImage` where it ends in "/compressed".

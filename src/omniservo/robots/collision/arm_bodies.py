@@ -89,7 +89,7 @@ class ArmBodies:
         if len(set(names)) < len(names):
             raise InputError(f"surroundings: {max(names, key=names.count)!r} is given twice")
         self.arm = arm
-        spec = arm.spec()
+        spec = arm.spec(seen=False)
         _mount(spec, arm, mounted)
         self._solids = tuple(surroundings)
         self._around = [f"around {i}" for i in range(len(things))]
@@ -177,7 +177,7 @@ class ArmBodies:
     def _with_mounted(self, shapes: Shapes) -> tuple[Shapes, tuple[str, ...]]:
         """Return the shapes with the pairs of what the flange carries and the link before, and notices."""
         last = self.arm.dof - 1
-        before = self.touched[shapes.carried[self.touched] == last]
+        before = np.flatnonzero(shapes.carried == last)
         mounted = self.shapes_of(MOUNTED)
         hinge, ends = (self._hinges[0][last], self._hinges[1][last]), self.arm.joint_range[last]
         meet, overlap = mounted_pairs(shapes, before, mounted, hinge, ends)
@@ -231,11 +231,6 @@ class ArmBodies:
     def model(self) -> Any:
         """MuJoCo's, not to be written to."""
         return self._model
-
-    @property
-    def touched(self) -> IntArray:
-        """Indices (k,) of the shapes that can be touched; others are there to be drawn."""
-        return np.flatnonzero(self._model.geom_contype | self._model.geom_conaffinity)
 
     def corners(self, q: npt.ArrayLike) -> FloatArray:
         """Return the corners (g, 8, 3) of boxes that hold the shapes, in the base frame [m], at ``q`` (n,).

@@ -45,7 +45,11 @@ def corners_of(model: Any, mesh: int) -> FloatArray:
 
 
 def on_hull(vertices: FloatArray) -> FloatArray:
-    """Return those of vertices (n, 3) that are not inside the hull of the others; all, where it is flat."""
+    """Return those of vertices (n, 3) that are not inside the hull of the others; all, where it is flat.
+
+    Each place is there once: a file of triangles without shared corners, as STL, has it many times.
+    """
+    vertices = vertices[np.sort(np.unique(vertices, axis=0, return_index=True)[1])]
     try:
         hull = ConvexHull(vertices, qhull_options="Qt Qc")
     except QhullError:

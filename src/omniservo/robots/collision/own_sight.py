@@ -165,7 +165,7 @@ class _Lines:
         at_camera = at_points + camera_strays
         at_points[shapes.carried == arm.dof] = at_camera[shapes.carried == arm.dof] = 0.0
         centre = (arm.base_T_flange(self._q) * camera.flange_T_camera).translation
-        hiders = bodies.touched[bodies.touched != line]
+        hiders = np.arange(line)
         self._sights = Sights(points, np.array(centre), hiders, line, at_camera, at_points)
         self._chain, self._scene = (
             arm.chain,

@@ -27,7 +27,7 @@ def read_shapes(model: Any, data: Any, around: BoolArray) -> Shapes:
     """Return the shapes of a model of a serial arm, and the pairs that may meet, see `ArmBodies`.
 
     Args:
-        model: MuJoCo's; it is made to place every shape where it is stated.
+        model: MuJoCo's, of shapes that can be touched; it is made to place every shape where it is stated.
         data: MuJoCo's, of that model; it is left at q = 0.
         around: (g,) which shapes stand around.
 
@@ -38,9 +38,8 @@ def read_shapes(model: Any, data: Any, around: BoolArray) -> Shapes:
     data.qpos[:] = 0.0
     mujoco.mj_kinematics(model, data)
     kinds = model.geom_type.astype(np.int64)
-    touched = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
-    _check_kinds(model, kinds, touched)
-    meshes = np.where(touched & (kinds == HULL), model.geom_dataid, -1).tolist()
+    _check_kinds(model, kinds)
+    meshes = np.where(kinds == HULL, model.geom_dataid, -1).tolist()
     corners = [np.zeros((0, 3)) if mesh < 0 else corners_of(model, mesh) for mesh in meshes]
     joints = np.zeros(model.nbody, dtype=np.int64)
     for body, parent, own in zip(
@@ -130,13 +129,13 @@ def _square_across(x: float, y: float, z: float, a: float, b: float, c: float) -
     return float((y * c - z * b) ** 2 + (z * a - x * c) ** 2 + (x * b - y * a) ** 2)
 
 
-def _check_kinds(model: Any, kinds: IntArray, touched: BoolArray) -> None:
-    """Refuse shapes (g,) that can be touched, and are of a kind whose distance is not known here.
+def _check_kinds(model: Any, kinds: IntArray) -> None:
+    """Refuse shapes (g,) of a kind whose distance is not known here.
 
     Raises:
         InputError: it names the link, the kind and those that are legal.
     """
-    for shape in np.flatnonzero(touched & ~np.isin(kinds, list(KINDS))).tolist():
+    for shape in np.flatnonzero(~np.isin(kinds, list(KINDS))).tolist():
         kind = str(mujoco.mjtGeom(kinds[shape]).name).removeprefix("mjGEOM_").lower()
         link = spelled(str(model.body(int(model.geom_bodyid[shape])).name))
         raise InputError(f"link {link}: a shape of kind {kind} given; legal: {', '.join(KINDS.values())}")
