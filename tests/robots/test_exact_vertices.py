@@ -7,6 +7,7 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from omniservo.robots import ArmBodies, load_arm
+from omniservo.robots.arm_files import mesh_assets
 from omniservo.robots.collision.exact_vertices import add_hull, corners_of, on_hull
 from omniservo.robots.collision.gap_kernels import HULL
 from omniservo.robots.collision.gap_search import support
@@ -72,6 +73,22 @@ def test_a_mesh_file_with_all_its_digits_keeps_them(tmp_path):
     pose = RigidTransform.from_translation([0.0, 0.0, 1.0])
     arm = arm_with_mesh(tmp_path, '<mesh name="part" file="part.obj"/>', pose)
     assert same_points(hull_in_base(arm), pose.apply(vertices), 1e-15)
+
+
+def test_a_mesh_is_read_again_only_where_its_file_has_changed(tmp_path, monkeypatch):
+    """A run reads its arm several times; meshes of some makers take seconds."""
+    reads = []
+    reading = mesh_assets.read_triangles
+    monkeypatch.setattr(mesh_assets, "read_triangles", lambda path: reads.append(path) or reading(path))
+    corners = np.array([[1, 1, 1], [-1, 1, 1], [1, -1, 1], [1, 1, -1.0]])
+    faces = "f 1 2 3\nf 1 3 4\nf 1 4 2\nf 2 3 4\n"
+    for times, size in enumerate((1.0, 2.0), 1):
+        text = "".join(f"v {words(size * corner)}\n" for corner in corners) + faces
+        (tmp_path / "part.obj").write_text(text)
+        for _ in range(2):
+            arm = arm_with_mesh(tmp_path, '<mesh name="part" file="part.obj"/>', RigidTransform.identity())
+            assert same_points(hull_in_base(arm), size * corners, 1e-14)
+        assert len(reads) == times
 
 
 def test_what_is_inside_a_hull_is_dropped_and_nothing_else():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from functools import lru_cache
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -12,7 +13,7 @@ from omniservo.errors import InputError, spelled
 from omniservo.files import file_inside, is_file
 from omniservo.files.mesh_files import read_triangles
 from omniservo.files.ros_packages import RosPackages
-from omniservo.geometry.arrays import FloatArray, IntArray
+from omniservo.geometry.arrays import FloatArray, IntArray, frozen
 
 READABLE = (".stl", ".obj", ".dae")
 """Endings of the meshes that are read."""
@@ -60,8 +61,10 @@ class MeshAssets:
             if len(self._names) == _MOST_MESHES:
                 raise InputError(f"{place}: more than {_MOST_MESHES} different meshes")
             name = f"mesh{len(self._names)}.stl"
-            vertices, faces = _solid(place, mesh)
-            self.assets[name], self.vertices[name] = _as_stl(vertices, faces), vertices[np.unique(faces)]
+            try:
+                self.assets[name], self.vertices[name] = _solid(mesh, _state_of(mesh))
+            except InputError as error:
+                raise InputError(f"{place}: mesh {error}") from None
             self._names[mesh] = name
         return self._names[mesh]
 
@@ -109,19 +112,26 @@ def file_near(place: str, reference: str, folder: Path) -> Path:
     return found
 
 
-def _solid(place: str, mesh: Path) -> tuple[FloatArray, IntArray]:
-    """Return vertices and triangles of a mesh that spans a volume."""
+def _state_of(mesh: Path) -> tuple[int, ...]:
+    """Return what changes when a file does."""
     try:
-        vertices, faces = read_triangles(mesh)
-    except InputError as error:
-        raise InputError(f"{place}: mesh {error}") from None
+        state = mesh.stat()
+    except OSError as error:
+        raise InputError(f"{mesh}: {error.strerror or error}") from None
+    return state.st_dev, state.st_ino, state.st_size, state.st_mtime_ns
+
+
+@lru_cache(maxsize=_MOST_MESHES)  # a run reads its arm several times, and some meshes take seconds
+def _solid(mesh: Path, state: tuple[int, ...]) -> tuple[bytes, FloatArray]:
+    """Return a mesh that spans a volume as STL, and its vertices (n, 3); ``state`` is that of its file."""
+    vertices, faces = read_triangles(mesh)
     if len(faces) > MOST_TRIANGLES:
-        raise InputError(f"{place}: mesh {mesh}: {len(faces)} triangles; legal: at most {MOST_TRIANGLES}")
+        raise InputError(f"{mesh}: {len(faces)} triangles; legal: at most {MOST_TRIANGLES}")
     used = vertices[np.unique(faces)]
     extents = np.linalg.svd(used - used.mean(axis=0), compute_uv=False) if len(used) > 3 else np.zeros(3)
     if extents[2] <= _FLAT * extents[0]:
-        raise InputError(f"{place}: mesh {mesh}: flat; legal: a mesh that spans a volume")
-    return vertices, faces
+        raise InputError(f"{mesh}: flat; legal: a mesh that spans a volume")
+    return _as_stl(vertices, faces), frozen(used)
 
 
 def _as_stl(vertices: FloatArray, faces: IntArray) -> bytes:
