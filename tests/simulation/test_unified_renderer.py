@@ -1,10 +1,14 @@
 """The ray-cast image against projection, quadrature and its own mask."""
 
+import re
+
 import numpy as np
 import pytest
+from scipy import ndimage
 from scipy.spatial.transform import RigidTransform
 
 from omniservo.cameras import UnifiedCamera
+from omniservo.robots import Arm
 from omniservo.scenes import Ball, SceneBox, Sensor
 from omniservo.simulation import UnifiedRenderer, World
 from omniservo.simulation.unified_renderer import BACKGROUND, DARK
@@ -98,6 +102,25 @@ def test_camera_sees_its_own_arm_at_the_rim_but_not_its_housing(make_scene):
     v, u = np.nonzero(yellow)
     assert len(v) > 500
     assert (np.hypot(u - 316.8, v - 254.9) > 180).all()
+
+
+def test_facets_of_an_arm_s_mesh_are_seen_by_one_ray_a_pixel_and_its_outline_by_several(make_scene, tmp_path):
+    """A link of some makers has ten thousand facets: as edges they took most rays of an image."""
+    text = Arm.rx60().path.read_text()
+    corners = "0 0 .3  .06 0 .34  -.06 0 .34  0 .06 .34  0 -.06 .34  0 0 .4"
+    text = text.replace("<worldbody>", f'<asset><mesh name="part" vertex="{corners}"/></asset><worldbody>')
+    site = re.search(r'<site name="flange"[^>]*>', text)[0]
+    seen = '<geom type="mesh" mesh="part" contype="0" conaffinity="0" rgba="0.9 0.9 0.9 1"/>'
+    (tmp_path / "arm.xml").write_text(text.replace(site, site + seen))
+    scene = make_scene(arm=Arm(tmp_path / "arm.xml"), boards=(), dots=None, floor=None)
+    image = UnifiedRenderer(World(scene)).render(scene.start_joints)
+    part = ndimage.label(image > BACKGROUND + 0.02)[0]
+    middle = part == part[255, 317]
+    assert middle.sum() > 1000
+    inside = ndimage.binary_erosion(middle, iterations=2)
+    assert 3 <= len(np.unique(image[inside].round(9))) <= 8  # a grey for each facet, and none between
+    rim = middle & ~ndimage.binary_erosion(middle)
+    assert len(np.unique(image[rim].round(9))) > 8
 
 
 def test_dead_zone_and_mask_are_dark(make_scene, fisheye):

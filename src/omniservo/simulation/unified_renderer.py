@@ -6,6 +6,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple, TypeAlias
 
+import mujoco
 import numpy as np
 from scipy.spatial.transform import RigidTransform
 
@@ -54,6 +55,8 @@ class _Sight(NamedTuple):
     """(…)"""
     panels: IntArray
     """(…) index of the panel whose image is met, −1 for none"""
+    meshes: IntArray
+    """(…) geom of the arm's mesh that is met, −1 for none"""
 
 
 class _Look(NamedTuple):
@@ -73,9 +76,9 @@ class _Look(NamedTuple):
 class UnifiedRenderer:
     """Renders a world through its camera's true lens, exact for every one: each ray starts at its centre.
 
-    A pixel shows the mean linear intensity over its square; pixels that the camera cannot unproject
-    (outside the image circle or the model's domain), the dead zone and the mask are dark. The camera does
-    not see its own housing, but it sees the arm.
+    A pixel shows the mean linear intensity over its square, one within a mesh of the arm that of its centre;
+    pixels that the camera cannot unproject (outside the image circle or the model's domain), the dead zone
+    and the mask are dark. The camera does not see its own housing, but it sees the arm.
     """
 
     def __init__(self, world: World) -> None:
@@ -91,6 +94,9 @@ class UnifiedRenderer:
         self._casters = [RayCaster(world, sees_camera=False) for _ in range(_THREADS)]
         self._is_dot = np.zeros(world.model.ngeom + 1, dtype=bool)  # the last entry answers for MISS = -1
         self._is_dot[world.dot_geoms] = True
+        model, geoms = world.model, np.arange(world.model.ngeom)
+        is_mesh = (model.geom_group == ARM_GROUP) & (model.geom_type == mujoco.mjtGeom.mjGEOM_MESH)
+        self._mesh_of = np.append(np.where(is_mesh, geoms, -1), -1)
         self._pool = ThreadPoolExecutor(_THREADS, thread_name_prefix="ray")
         camera = world.scene.camera
         u, v = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
@@ -175,11 +181,12 @@ class UnifiedRenderer:
             pose = self.world.world_T_camera(caster.pose_arm(q))
         first = max(rows.start // 2 * 2 - 2, 0)  # neighbours, and whole squares of four nodes
         look = _Look(pose, light, slice(first, min(rows.stop + 3, len(self._lit))), fineness)
-        image, is_dot, panels = self._first_look(look)
+        image, is_dot, panels, meshes = self._first_look(look)
         fine = differs_from_neighbour(is_dot)
         outline = self._outline(look, panels) if self.world.scene.panels else np.zeros_like(fine)
         printed = (panels >= 0) & ~outline
-        edge = (differs_from_neighbour(image, _CONTRAST) | self._rim[look.rows]) & ~printed
+        facets = (meshes >= 0) & ~differs_from_neighbour(meshes)  # a link has thousands, each of its own grey
+        edge = (differs_from_neighbour(image, _CONTRAST) & ~facets | self._rim[look.rows]) & ~printed
         wanted = np.zeros_like(fine)
         wanted[rows.start - first : rows.stop - first] = True
         self._refine(image, look, wanted & fine, _DOT_EDGE)
@@ -198,7 +205,8 @@ class UnifiedRenderer:
         a flat face evenly lit or nothing, so do the pixels between.
         """
         lit, between = self._lit[look.rows], self._between[look.rows]
-        sight = _Sight(np.full(lit.shape, DARK), np.zeros(lit.shape, dtype=bool), np.full(lit.shape, -1))
+        nothing = np.full(lit.shape, -1)
+        sight = _Sight(np.full(lit.shape, DARK), np.zeros(lit.shape, dtype=bool), nothing, nothing.copy())
         self._look_at(sight, look, lit & ~between)
         known = fill_between_alike(sight, lit)
         self._look_at(sight, look, between & ~known)
@@ -258,7 +266,7 @@ class UnifiedRenderer:
             panels = self.world.panels_at(geoms, normals)
             greys = np.where(panels >= 0, 1.0, self.world.luminance[geoms]) * light.share(normals)
             greys[geoms == MISS] = light.brightness * BACKGROUND
-            return _Sight(greys, self._is_dot[geoms], panels)
+            return _Sight(greys, self._is_dot[geoms], panels, self._mesh_of[geoms])
 
         parts = list(self._pool.map(seen_by, self._casters, np.array_split(bearings, _THREADS)))
         return _Sight(*(np.concatenate(kind) for kind in zip(*parts, strict=True)))
