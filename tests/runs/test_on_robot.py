@@ -434,6 +434,22 @@ def test_a_check_goes_by_what_was_measured_and_says_what_was_of_another_camera(
 
 
 @pytest.mark.slow
+def test_an_arm_that_is_found_unfit_is_not_moved_by_its_check_of_before(
+    robot_file, filmed, monkeypatch, capsys
+):
+    monkeypatch.setattr(robot_check, "SECONDS", 0.2)
+    with serving() as server:
+        path = robot_file(address=server.address, options=_ports(server))
+        save_check(path, load_robot(path))
+        with pytest.raises(SystemExit) as end:
+            main(["robot", "check", str(path), "--yes"])
+    assert end.value.code == 1
+    assert "to be mended" in capsys.readouterr().out
+    with pytest.raises(InputError, match="not checked yet"):
+        require_check(path, load_robot(path))
+
+
+@pytest.mark.slow
 def test_without_a_task_the_files_workspace_counts_too(robot_file, filmed):
     with serving() as server:
         path = robot_file(address=server.address, options=_ports(server), workspace=BOX)

@@ -34,12 +34,12 @@ def check(
     """Check a real robot: rates, ages, clocks, where it stands, its joints, and that it stops in silence.
 
     Every joint moves by half a degree and back. What was found is kept beside the robot file; run --on needs
-    it.
+    it. The newest check counts: one that is not passed leaves none.
     """
     with output.working("loading") as progress:
         from omniservo.runs.open_hardware import open_robot, open_robot_camera
         from omniservo.runs.robot_check import check_robot, rate_notice
-        from omniservo.runs.robot_records import save_check, stored_delay
+        from omniservo.runs.robot_records import forget_check, save_check, stored_delay
 
         approval = Approval(progress, yes=yes)
         loaded = parts.load(robot, allow_outside=allow_outside)
@@ -53,6 +53,7 @@ def check(
         connection = open_robot(loaded, arm, parts.driver)
         with closing(connection), closing(open_robot_camera(loaded, delay)) as camera:
             progress("listening")
+            forget_check(robot)
             found = check_robot(loaded, arm, connection, camera, approval, late)
             slow = rate_notice(found.images, loaded.camera.rate)
             notices = [*getattr(connection, "notices", ()), *filter(None, [camera.notice, slow, unmeasured])]

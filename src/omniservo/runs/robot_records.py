@@ -41,6 +41,11 @@ def save_check(path: Path, robot: RobotFile, driver: str | None = None) -> Path:
     return beside
 
 
+def forget_check(path: Path) -> None:
+    """Let the check of this file's robot count no more: another one begins, which may find it unfit."""
+    path.with_suffix(".check.json").unlink(missing_ok=True)
+
+
 def require_check(path: Path, robot: RobotFile, driver: str | None = None) -> None:
     """Refuse a robot that was not checked as its files now stand, see `save_check`.
 
