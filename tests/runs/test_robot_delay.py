@@ -59,24 +59,32 @@ def test_images_without_texture_are_refused():
         tracked([np.full((50, 50), 90, np.uint8)] * 3)
 
 
-@pytest.mark.parametrize("lag", [0.012, 0.08])
-def test_the_drives_lag_is_found(lag):
-    """Of drives that keep each command's speeds until the next command's."""
+def swung(lag):
+    """Joints swing so late after their commands, each in force until the next; and which joints they are."""
     chosen, rng = swing_joints(ARM), np.random.default_rng(1)
     times = np.arange(0.0, SECONDS, 0.007)
     speeds = np.array([swing(np.zeros(6), chosen, 0.03, time)[1] for time in times])
     read = np.arange(0.1, SECONDS, 0.002)
-    late = speeds[np.searchsorted(times, read - lag, side="right") - 1]
+    late = speeds[np.maximum(np.searchsorted(times, read - lag, side="right") - 1, 0)]
     states = [
         RobotState(float(t), np.zeros(6), v + rng.normal(0.0, 1e-3, 6))
         for t, v in zip(read, late, strict=True)
     ]
-    recorded = DelayRecording(
-        JointHistory(6, 8.0), states, list(zip(times.tolist(), speeds, strict=True)), [], [], [], []
-    )
-    found, sigma = actuation_lag(recorded, chosen)
+    sent = list(zip(times.tolist(), speeds, strict=True))
+    return DelayRecording(JointHistory(6, 8.0), states, sent, [], [], [], []), chosen
+
+
+@pytest.mark.parametrize("lag", [0.012, 0.08])
+def test_the_drives_lag_is_found(lag):
+    found, sigma = actuation_lag(*swung(lag))
     assert found == pytest.approx(lag, abs=1e-3)
     assert 0.0 < sigma < 1e-3
+
+
+@pytest.mark.parametrize("lag", [0.31, 0.4])
+def test_a_lag_beyond_those_that_are_searched_is_refused_and_not_taken_for_the_longest(lag):
+    with pytest.raises(NoSolutionError, match=r"turn 0\.3 s or more after their commands"):
+        actuation_lag(*swung(lag))
 
 
 CLOSE = np.deg2rad([0.0, -90.0, 158.5, -41.9, 179.0, 173.1])

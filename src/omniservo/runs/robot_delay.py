@@ -75,7 +75,7 @@ def measure_delay(cell: RobotCell, options: SafetyOptions) -> RobotDelay:
         options: of its supervisor; time offsets are searched within their ``time_offset``.
 
     Raises:
-        NoSolutionError: see `camera_delay`; or it may not move, or has no room to.
+        NoSolutionError: see `camera_delay` and `actuation_lag`; or it may not move, or has no room to.
         ServoStop: what stopped the arm.
     """
     arm = cell.scene.arm
@@ -229,6 +229,9 @@ def actuation_lag(recorded: DelayRecording, chosen: tuple[int, int]) -> tuple[fl
 
     Minimises Σ ‖q̇(t) − u(t − L)‖² over L, u the commands, each in force until the next: linear between the
     middles of these times.
+
+    Raises:
+        NoSolutionError: the joints follow later than `MOST_LAG`.
     """
     rows = list(chosen)
     times = np.array([state.time for state in recorded.states])
@@ -241,8 +244,13 @@ def actuation_lag(recorded: DelayRecording, chosen: tuple[int, int]) -> tuple[fl
     lags = np.arange(0.0, MOST_LAG, 1e-3)
     costs = np.array([_off(times[within] - lag, measured[within], sent_times, sent) for lag in lags])
     best = int(np.argmin(costs))
-    if not 0 < best < len(lags) - 1:
-        return float(lags[best]), float(lags[1])
+    if best == len(lags) - 1:
+        raise NoSolutionError(
+            f"the joints turn {MOST_LAG:g} s or more after their commands, which no run can bear: a "
+            "controller or driver that smooths or queues what it is sent"
+        )
+    if best == 0:
+        return 0.0, float(lags[1])
     curve = np.polyfit(lags[best - 1 : best + 2] - lags[best], costs[best - 1 : best + 2], 2)
     lag = float(lags[best] - 0.5 * curve[1] / curve[0])
     variance = costs[best] / max(2 * int(within.sum()) - 1, 1)
