@@ -17,7 +17,7 @@ import omniservo.runs.open_hardware as open_hardware_module
 import omniservo.runs.robot_check as robot_check
 from omniservo.calibration.camera_delay import CameraDelay
 from omniservo.cli.main import main
-from omniservo.errors import InputError, NotInControl, ProtectiveStop
+from omniservo.errors import InputError, NoSolutionError, NotInControl, ProtectiveStop
 from omniservo.hardware.rtde.server import UrStandIn
 from omniservo.robots import ArmMode, RobotState
 from omniservo.runs.begun_as_recorded import begun_as_recorded
@@ -313,6 +313,20 @@ def test_delays_that_no_run_can_bear_are_refused_where_they_are_read(robot_file)
     written.write_text(json.dumps(json.loads(written.read_text()) | {"image_age_s": 1.02}))
     with pytest.raises(InputError, match=r"robot\.delay\.json: images and motions: 1\.0"):
         stored_delay(path, load_robot(path))
+
+
+@pytest.mark.parametrize(
+    ("found", "words"),
+    [
+        (RobotDelay(CameraDelay(0.0, 0.002, 0.2, 90.0), 0.1, 0.001, 40, 0.95), r"images and motions: 1\.0"),
+        (RobotDelay(CameraDelay(0.61, 0.002, 0.2, 90.0), 0.1, 0.001, 40, 0.95), r"camera_offset_s: 0\.61"),
+    ],
+)
+def test_a_delay_that_no_run_can_bear_is_refused_where_it_is_measured(robot_file, found, words):
+    path = robot_file()
+    with pytest.raises(NoSolutionError, match=rf"not kept: {words}"):
+        save_delay(path, load_robot(path), found)
+    assert stored_delay(path, load_robot(path)) is None
 
 
 def test_the_way_taken_up_begins_later_where_images_and_motions_were_measured_to_be_later(robot_file):

@@ -116,7 +116,6 @@ def delay(
     output.line(f"{'actuation':<16} {lag} behind commands")
     output.line(f"{'images':<16} {1e3 * found.image_age:.1f} ms from their stamps until they come (99%)")
     output.line(f"{'residual':<16} {camera.rms_px:.2f} px rms, {found.images} images, {camera.flow:.0f} px/s")
-    output.written(save_delay(robot, loaded, found, parts.driver))
     output.result(
         {
             "camera_offset_s": camera.offset,
@@ -129,6 +128,7 @@ def delay(
         },
         "robot-delay",
     )
+    output.written(save_delay(robot, loaded, found, parts.driver))
 
 
 def _spelled(times: StreamTimes) -> str:

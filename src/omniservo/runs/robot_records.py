@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from omniservo.calibration.camera_delay import SEARCHED
-from omniservo.errors import InputError, spelled
+from omniservo.errors import InputError, NoSolutionError, spelled
 from omniservo.field_docs import with_field_docs
 from omniservo.files import is_file, read_document, write_whole
 from omniservo.geometry.arrays import finite_number
@@ -93,7 +93,11 @@ class StoredDelay:
 
 
 def save_delay(path: Path, robot: RobotFile, found: RobotDelay, driver: str | None = None) -> Path:
-    """Keep how late the robot of this file is; return where. See `save_check`."""
+    """Keep how late the robot of this file is; return where. See `save_check`.
+
+    Raises:
+        NoSolutionError: later than a run bears; nothing is kept.
+    """
     beside = path.with_suffix(".delay.json")
     document = {
         "format": DELAY,
@@ -104,6 +108,10 @@ def save_delay(path: Path, robot: RobotFile, found: RobotDelay, driver: str | No
         "actuation_lag_sigma_s": found.actuation_sigma,
         "image_age_s": found.image_age,
     }
+    try:
+        _delay_of(document)
+    except InputError as error:
+        raise NoSolutionError(f"no run can bear that, and it is not kept: {error}") from None
     write_whole(beside, json.dumps(document, indent=2) + "\n", force=True)
     return beside
 
@@ -125,14 +133,23 @@ def stored_delay(path: Path, robot: RobotFile, driver: str | None = None) -> Sto
                 f"measure it again: omniservo robot delay {path}"
             )
     try:
-        found = StoredDelay(
-            finite_number("camera_offset_s", document.get("camera_offset_s")),
-            finite_number("camera_offset_sigma_s", document.get("camera_offset_sigma_s")),
-            finite_number("actuation_lag_s", document.get("actuation_lag_s")),
-        )
-        return replace(found, loop=_loop_delay(document))
+        return _delay_of(document)
     except InputError as error:
         raise InputError(f"{beside}: {error}") from None
+
+
+def _delay_of(document: dict[str, object]) -> StoredDelay:
+    """Return what a record states.
+
+    Raises:
+        InputError: it is none, or later than a run bears; the message names the field.
+    """
+    found = StoredDelay(
+        finite_number("camera_offset_s", document.get("camera_offset_s")),
+        finite_number("camera_offset_sigma_s", document.get("camera_offset_sigma_s")),
+        finite_number("actuation_lag_s", document.get("actuation_lag_s")),
+    )
+    return replace(found, loop=_loop_delay(document))
 
 
 def _loop_delay(document: dict[str, object]) -> LoopDelay | None:
