@@ -11,6 +11,7 @@ import pytest
 from omniservo.errors import AlreadyExists, FeatureLoss, InputError, NotWritten
 from omniservo.files import (
     copy_whole,
+    made_folder,
     parse_document,
     python_class,
     read_document,
@@ -165,6 +166,22 @@ def test_a_disk_without_the_room_is_refused_before_the_work(tmp_path):
         with whole_folder(tmp_path / "new" / "out", "known", room=2**60):
             pytest.fail("the work began")
     assert not list(tmp_path.iterdir())
+
+
+def test_folders_that_were_made_for_what_failed_go_again_and_others_stay(tmp_path):
+    with pytest.raises(KeyboardInterrupt), whole_folder(tmp_path / "new" / "runs" / "out", "known"):
+        raise KeyboardInterrupt
+    assert not list(tmp_path.iterdir())
+    (tmp_path / "before").mkdir()
+    with pytest.raises(NotWritten), made_folder(tmp_path / "before" / "new") as folder:
+        raise NotWritten(folder, "No space left on device")
+    assert [path.name for path in tmp_path.iterdir()] == ["before"]
+    with pytest.raises(NotWritten), made_folder(tmp_path / "kept" / "new") as folder:
+        (folder / "whole.png").write_bytes(b"1")
+        raise NotWritten(folder, "No space left on device")
+    assert (tmp_path / "kept" / "new" / "whole.png").exists()
+    with pytest.raises(NotWritten, match="whole.png: File exists"):
+        made_folder(tmp_path / "kept" / "new" / "whole.png").__enter__()
 
 
 def test_a_folder_that_appeared_during_the_work_is_not_replaced(tmp_path):

@@ -7,6 +7,8 @@ import pytest
 from matplotlib import colors
 
 from omniservo.cameras import UnifiedCamera, preset
+from omniservo.errors import NotWritten
+from omniservo.files import write_whole
 from omniservo.reporting.camera_field import draw_field, past_right_angle, pixel_density
 from omniservo.reporting.figure_files import write_drawings
 
@@ -70,6 +72,21 @@ def test_field_is_drawn_with_its_limits(name, tmp_path):
     assert sorted(f.suffix for f in files) == [".png", ".png", ".svg", ".svg"]
     assert all(f.stat().st_size > 5000 for f in files)
     assert colors.to_hex(axes.get_facecolor()) != "#ffffff"
+
+
+def test_drawings_that_do_not_fit_on_the_disk_are_none_and_not_some(tmp_path, monkeypatch):
+    written = []
+
+    def full(path, content, *, force):
+        if len(written) == 3:
+            raise NotWritten(path, "No space left on device")
+        written.append(write_whole(path, content, force=force))
+
+    monkeypatch.setattr("omniservo.reporting.figure_files.write_whole", full)
+    with pytest.raises(NotWritten):
+        write_drawings(draw_field(MASKED, MASKED), tmp_path)
+    assert len(written) == 3
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("name", CAMERAS)

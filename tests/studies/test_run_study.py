@@ -226,6 +226,16 @@ def test_a_study_that_ended_before_its_header_was_written_begins_again_in_its_fo
     assert (tmp_path / "rows" / HEADER).exists()
 
 
+def test_a_study_whose_header_does_not_fit_on_the_disk_leaves_nothing(study, tmp_path, monkeypatch):
+    def full(path, *content, **options):
+        raise NotWritten(path, "No space left on device")
+
+    monkeypatch.setattr("omniservo.studies.study_folder.write_whole", full)
+    with pytest.raises(NotWritten, match=r"study.json: No space left"):
+        run_study(study, tmp_path / "new" / "rows", workers=1)
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize("machines", ["5", '["x"]', '[{"cpu": []}]', '[{"cpu": 5}]'])
 def test_a_header_s_machines_that_are_none_are_refused(undisturbed, tmp_path, machines):
     folder = copied(undisturbed, tmp_path / "rows")

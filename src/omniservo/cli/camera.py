@@ -12,10 +12,10 @@ from omniservo.cli.calibrate import calibrate
 from omniservo.cli.camera_options import LARGEST_PX, CameraArgument, LargestOption, LensOptions
 from omniservo.cli.check import check
 from omniservo.cli.grouped import grouped
-from omniservo.cli.output import ForceOption, Output, made_folder
+from omniservo.cli.output import ForceOption, Output, refuse_file
 from omniservo.cli.rectify import rectify
 from omniservo.errors import InputError, spelled
-from omniservo.files import writable
+from omniservo.files import made_folder, writable
 
 if TYPE_CHECKING:
     from omniservo.camera_files.mask_image import MaskCover
@@ -46,6 +46,7 @@ def show(
     output: Output,
 ) -> None:
     """Print a camera: its parameters, its domain, and how well the unified model fits it."""
+    refuse_file(out)
     with output.working("loading") as progress:
         from omniservo.cameras.calibration_covariance import sigmas_in_words
         from omniservo.cameras.conversion import to_unified
@@ -79,7 +80,8 @@ def show(
             from omniservo.reporting.camera_field import draw_field
             from omniservo.reporting.figure_files import write_drawings
 
-            drawn = write_drawings(draw_field(shown, unified), made_folder(out))
+            with made_folder(out) as folder:
+                drawn = write_drawings(draw_field(shown, unified), folder)
         for path in drawn:
             output.written(path)
     output.result(result, "camera-show")

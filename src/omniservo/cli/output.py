@@ -14,6 +14,7 @@ from rich.console import Console
 
 from omniservo.cli.progress import DOING, Progress
 from omniservo.errors import InputError
+from omniservo.files import exists
 
 DONE = 0
 """the job is done"""
@@ -71,17 +72,14 @@ def with_unit(value: float, unit: str) -> str:
     return f"{value:+.6g}" if unit == "1" else f"{value:+.6g} {unit}"
 
 
-def made_folder(folder: Path) -> Path:
-    """Return the folder that ``--out`` names, made where it is not there.
+def refuse_file(out: Path | None) -> None:
+    """Refuse an ``--out`` that is no folder before the work is done, not after it.
 
     Raises:
-        InputError: it cannot be.
+        InputError: it is a file.
     """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"--out: {folder}: {error.strerror or error}") from None
-    return folder
+    if out is not None and exists(out) and not out.is_dir():
+        raise InputError(f"--out: {out}: a file; a folder is needed")
 
 
 def answer_is_no(reason: str, next_step: str = "") -> typer.Exit:

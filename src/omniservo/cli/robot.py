@@ -14,9 +14,10 @@ from omniservo.cli.expand import expand
 from omniservo.cli.grouped import grouped
 from omniservo.cli.hand_eye import calibrate_hand_eye
 from omniservo.cli.measure_tube import measure_tube
-from omniservo.cli.output import Output, made_folder
+from omniservo.cli.output import Output, refuse_file
 from omniservo.cli.robot_live import check, delay
 from omniservo.cli.robot_options import PackageOption, packages_of
+from omniservo.files import made_folder
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import RigidTransform
@@ -49,6 +50,7 @@ def show(
     output: Output,
 ) -> None:
     """Print an arm: joints, reach, links, suggested start configuration and mount, what was left out."""
+    refuse_file(out)
     if tool is not None:
         output.line(f"{'notice':<14} --tool is called --flange now")
     with output.working("loading") as progress:
@@ -80,7 +82,8 @@ def show(
             from omniservo.reporting.arm_figure import draw_arm
             from omniservo.reporting.figure_files import write_drawings
 
-            drawn = write_drawings(draw_arm(arm, posture), made_folder(out))
+            with made_folder(out) as folder:
+                drawn = write_drawings(draw_arm(arm, posture), folder)
         for path in drawn:
             output.written(path)
     output.result(_fields(arm, posture, mount, table), "robot-show")

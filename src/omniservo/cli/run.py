@@ -18,7 +18,7 @@ from omniservo.cli.replay_row import is_row, replay_row
 from omniservo.cli.robot_file import OnRobot
 from omniservo.cli.robot_options import TaskOptions
 from omniservo.errors import InputError, NoSolutionError
-from omniservo.files import require_file, unused, whole_folder, writable_folder, write_whole
+from omniservo.files import made_folder, require_file, unused, whole_folder, writable_folder, write_whole
 from omniservo.run_methods import COMPARE, RunMethod, run_methods
 from omniservo.shipped_tasks import task_file
 
@@ -182,7 +182,8 @@ def _drawn(refused: NoPath, out: Path | None) -> str:
 
     picture = out.with_name(f"{out.name}-refused.png")
     drawing = draw_refused_run(refused.plan, refused.scene, refused.setting, refused.posture)
-    write_whole(picture, image_bytes(drawing, "png"), force=True)
+    with made_folder(picture.parent):
+        write_whole(picture, image_bytes(drawing, "png"), force=True)
     return f"; drawn: {picture}"
 
 

@@ -20,6 +20,7 @@ from omniservo.files.python_class import python_class, stdout_to_stderr
 from omniservo.files.results import (
     copy_whole,
     exists,
+    made_folder,
     unused,
     whole_folder,
     writable,
@@ -37,6 +38,7 @@ __all__ = [
     "exists",
     "file_inside",
     "is_file",
+    "made_folder",
     "noting_reads",
     "parse_document",
     "python_class",

@@ -6,7 +6,7 @@ import os
 import secrets
 import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from itertools import count
 from pathlib import Path
 from typing import BinaryIO
@@ -151,6 +151,28 @@ def writable_folder(path: str | Path, known_by: str, *, force: bool = False) -> 
 
 
 @contextmanager
+def made_folder(path: str | Path) -> Iterator[Path]:
+    """Make a folder, and those that it lies in; where the block fails, what was made and is empty goes again.
+
+    Raises:
+        InputError: the folder cannot be made (`NotWritten`), or no file can have such a path.
+    """
+    folder = Path(path)
+    made = [each for each in (folder, *folder.parents) if not exists(each)]
+    try:
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise NotWritten(path, error.strerror or str(error)) from None
+        yield folder
+    except BaseException:
+        with suppress(OSError):  # the first that is not empty, and those that it lies in, stay
+            for each in made:
+                each.rmdir()
+        raise
+
+
+@contextmanager
 def whole_folder(path: str | Path, known_by: str, *, force: bool = False, room: int = 0) -> Iterator[Path]:
     """Give an empty temporary folder that becomes ``path`` if the block ends well, and vanishes otherwise.
 
@@ -172,17 +194,26 @@ def whole_folder(path: str | Path, known_by: str, *, force: bool = False, room: 
         folder = folder.resolve()
     try:
         free = shutil.disk_usage(next(p for p in folder.absolute().parents if p.is_dir())).free
-        if free < room:
-            raise NotWritten(path, f"{free // 2**20} MiB are free there; about {room // 2**20} are needed")
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        temporary = _temporary(folder)
-        temporary.mkdir()
     except OSError as error:
         raise NotWritten(path, error.strerror or str(error)) from None
+    if free < room:
+        raise NotWritten(path, f"{free // 2**20} MiB are free there; about {room // 2**20} are needed")
+    with made_folder(folder.parent), _becoming(folder, force=force) as temporary:
+        yield temporary
+
+
+@contextmanager
+def _becoming(folder: Path, *, force: bool) -> Iterator[Path]:
+    """Give a temporary folder beside ``folder``; see `whole_folder`."""
+    temporary = _temporary(folder)
+    try:
+        temporary.mkdir()
+    except OSError as error:
+        raise NotWritten(folder, error.strerror or str(error)) from None
     try:
         yield temporary
         if folder.exists() and not force:  # it was not when the work began
-            raise NotWritten(path, "exists by now")
+            raise NotWritten(folder, "exists by now")
         if folder.exists():
             shutil.rmtree(folder)
         temporary.replace(folder)

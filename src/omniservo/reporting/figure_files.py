@@ -69,15 +69,20 @@ def _drawn_once(drawing: Drawing) -> Iterator[None]:
 
 
 def write_drawings(drawings: Iterable[Drawing], folder: Path) -> list[Path]:
-    """Write each figure as PNG and as SVG, replacing existing files; return the files written.
+    """Write each figure as PNG and as SVG, replacing existing files; return the files written: all or none.
 
     Raises:
         InputError: the folder cannot be written.
     """
-    written = []
-    for drawing in drawings:
-        for ending in ("png", "svg"):
-            path = folder / f"{drawing.name}.{ending}"
-            write_whole(path, image_bytes(drawing, ending), force=True)
-            written.append(path)
+    written: list[Path] = []
+    try:
+        for drawing in drawings:
+            for ending in ("png", "svg"):
+                path = folder / f"{drawing.name}.{ending}"
+                write_whole(path, image_bytes(drawing, ending), force=True)
+                written.append(path)
+    except BaseException:
+        for path in written:
+            path.unlink(missing_ok=True)
+        raise
     return written

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from omniservo.errors import InputError, NotWritten, spelled
-from omniservo.files import read_document, write_whole
+from omniservo.files import made_folder, read_document, write_whole
 from omniservo.run_methods import METHODS
 from omniservo.studies.load_study import study_of_fields
 from omniservo.studies.study import Study
@@ -104,19 +104,7 @@ def opened_folder(study: Study, version: str, folder: Path) -> Iterator[None]:
     Raises:
         InputError: it holds something else, another process works in it, or it cannot be written.
     """
-    try:
-        others = folder.is_dir() and any(path.name != _LOCK for path in folder.iterdir())
-        if others and not (folder / HEADER).exists():
-            raise InputError(f"{folder}: exists, and is not a study's folder")
-        folder.mkdir(parents=True, exist_ok=True)
-        lock = (folder / _LOCK).open("w")
-    except OSError as error:
-        raise NotWritten(folder, error.strerror or str(error)) from None
-    with lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise InputError(f"{folder}: another process works in it") from None
+    with made_folder(folder), _locked(folder):
         machines: tuple[dict[str, str], ...] = ()
         if (folder / HEADER).exists():
             there = read_header(folder)
@@ -124,6 +112,33 @@ def opened_folder(study: Study, version: str, folder: Path) -> Iterator[None]:
             machines = there.machines
         write_whole(folder / HEADER, StudyHeader(study, version, machines).to_json(), force=True)
         yield
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """Hold the folder's lock; its file goes again where no header was written beside it.
+
+    Raises:
+        InputError: the folder holds something else than a study, another process works in it, or it cannot
+            be written.
+    """
+    file, header = folder / _LOCK, folder / HEADER
+    try:
+        if not header.exists() and any(path.name != _LOCK for path in folder.iterdir()):
+            raise InputError(f"{folder}: exists, and is not a study's folder")
+        lock = file.open("w")
+    except OSError as error:
+        raise NotWritten(folder, error.strerror or str(error)) from None
+    with lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise InputError(f"{folder}: another process works in it") from None
+        try:
+            yield
+        finally:
+            if not header.exists():
+                file.unlink(missing_ok=True)
 
 
 def note_machine(folder: Path, machine: dict[str, str]) -> None:
