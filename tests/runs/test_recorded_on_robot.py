@@ -297,7 +297,7 @@ def test_a_run_that_was_not_agreed_to_is_replayed_without_a_difference(there, tm
     from omniservo.cli.robot_file import Approval
 
     def declined(self, motion):
-        raise NoSolutionError("the motion was not agreed to; nothing moved")
+        raise NoSolutionError("the motion was not agreed to, and not made")
 
     monkeypatch.setattr(Approval, "__call__", declined)
     assert run_on(there, tmp_path / "out") == 1

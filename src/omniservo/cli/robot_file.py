@@ -13,6 +13,7 @@ import typer
 from rich.console import Console
 from rich.prompt import Confirm
 
+from omniservo.cli.progress import DOING
 from omniservo.cli.robot_options import AllowOutsideOption
 from omniservo.errors import InputError, NoSolutionError
 
@@ -29,6 +30,9 @@ SpeedOption = Annotated[
     typer.Option("--speed", help="Share of the joints' speeds, 0 to 1; replaces the robot file's."),
 ]
 YesOption = Annotated[bool, typer.Option("--yes", help="Move the real arm without a question.")]
+
+_ASKING = "asking whether the arm may move; it stands still"
+"""what is said to be done where somebody ends the program then: the stage before is that of the motion"""
 
 
 @dataclass(frozen=True)
@@ -88,9 +92,11 @@ class Approval:
         console = Console(stderr=True, highlight=False, emoji=False, soft_wrap=True)
         with self._progress.suspended():
             console.print(f"about to: {motion}", markup=False)
+            stage, DOING.stage = DOING.stage, _ASKING
             agreed = self._yes or _is_agreed(console)
+            DOING.stage = stage
         if not agreed:
-            raise NoSolutionError("the motion was not agreed to; nothing moved")
+            raise NoSolutionError("the motion was not agreed to, and not made")
 
 
 def _is_agreed(console: Console) -> bool:
