@@ -44,7 +44,7 @@ def robot_file(tmp_path):
     """Write a robot file with the task's arm, mount and camera."""
 
     def write(**changes):
-        camera = {"source": f"folder:{tmp_path}/images?rate=30", "calibration": TASK.camera.to_dict()}
+        camera = {"source": "folder:images?rate=30", "calibration": TASK.camera.to_dict()}
         arm = {
             "model": TASK.arm.model,
             "flange_T_camera": {
@@ -267,6 +267,32 @@ def test_a_check_is_of_the_arms_file_and_the_mounts_too(robot_file, tmp_path):
     robot_file(arm={"model": "arm.xml", "flange_T_camera": {"translation": [0.0, 0.0, 0.2]}})
     with pytest.raises(InputError, match="changed since it was checked"):
         require_check(path, load_robot(path))
+
+
+@pytest.mark.parametrize("source", ["folder:images?rate=30", "folder:images", "film.mp4"])
+def test_images_are_looked_for_beside_the_robot_file_as_its_other_files_are(
+    robot_file, tmp_path, monkeypatch, source
+):
+    robot = load_robot(path := robot_file(camera={"source": source, "calibration": TASK.camera.to_dict()}))
+    place = tmp_path.resolve() / "images" if "folder" in source else tmp_path.resolve() / "film.mp4"
+    assert robot.camera_uri == source.replace("images", str(place)).replace("film.mp4", str(place))
+    assert robot.camera.source == source  # so a check counts wherever the commands are given
+    monkeypatch.chdir(tmp_path)
+    assert load_robot(path.name).camera_uri == robot.camera_uri
+    assert load_robot(path, camera_source=source).camera_uri == source
+
+
+@pytest.mark.parametrize("source", ["v4l2:0", "0", "/dev/video2", "http://a.b/c", "rtsp://a", "ros2:/image"])
+def test_a_camera_that_is_no_file_is_what_the_robot_file_says(robot_file, source):
+    assert load_robot(robot_file(camera={"source": source, "calibration": "fe185"})).camera_uri == source
+
+
+@pytest.mark.parametrize("source", ["folder:../images?rate=30", "folder:/images", "../film.mp4"])
+def test_images_outside_the_robot_files_folder_need_leave(robot_file, source):
+    path = robot_file(camera={"source": source, "calibration": "fe185"})
+    with pytest.raises(InputError, match=r"robot\.yaml: camera\.source: .*--allow-outside"):
+        assert load_robot(path).camera_uri
+    assert load_robot(path, allow_outside=True).camera_uri.endswith(source.partition("/")[2])
 
 
 FOUND = RobotDelay(CameraDelay(0.043, 0.0015, 0.2, 90.0), 0.021, 0.001, 120, 0.083)

@@ -113,7 +113,7 @@ def _camera_at(robot: RobotFile) -> CameraSource:
     """Return the camera at the file's URI."""
     ros = robot.driver == "ros2"
     states = str(robot.options.get("joint_states", "/joint_states")) if ros else ""
-    return camera_at(robot.camera.source, robot.address if ros else "", states)
+    return camera_at(robot.camera_uri, robot.address if ros else "", states)
 
 
 def camera_at(uri: str, network: str = "", joint_states: str = "") -> CameraSource:

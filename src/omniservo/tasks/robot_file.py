@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -22,6 +23,10 @@ FORMAT = "omniservo.robot/1"
 
 FIRST_SPEED = 0.1
 """share of the joints' speeds where a robot file says nothing"""
+
+_FOLDER = re.compile(r"folder:(?P<path>.+?)(?P<rate>\?rate=.*)?", re.DOTALL)
+_NO_PATH = re.compile(r"[a-z0-9]+:.*|\d{1,3}|/dev/.*", re.DOTALL | re.IGNORECASE)
+"""cameras that are no folder and no file of a video"""
 
 
 class RobotCamera(Section):
@@ -63,11 +68,27 @@ class RobotFile(Section):
 
     _source: str = PrivateAttr("robot")
     _sources: TaskSources | None = PrivateAttr(None)
+    _camera_files: TaskFiles | None = PrivateAttr(None)
+    """where a path in ``camera.source`` is; None: in the working folder, as what stands in its place"""
 
     @property
     def sources(self) -> TaskSources | None:
         """The files that it was read from; None where it was made otherwise."""
         return self._sources
+
+    @property
+    def camera_uri(self) -> str:
+        """URI of the camera's images; a path in the file is meant from the file's folder.
+
+        Raises:
+            InputError: it leaves that folder, and that is not allowed.
+        """
+        source, files = self.camera.source, self._camera_files
+        if files is None:
+            return source
+        if images := _FOLDER.fullmatch(source):
+            return f"folder:{files.path('camera.source', images['path'])}{images['rate'] or ''}"
+        return source if _NO_PATH.fullmatch(source) else str(files.path("camera.source", source))
 
     @field_validator("arm", mode="before")
     @classmethod
@@ -151,4 +172,5 @@ def _from_file(
     except ValidationError as error:
         raise InputError(first_problem(error, source, RobotFile)) from None
     robot._source = source
+    robot._camera_files = files if camera_source is None else None
     return robot
