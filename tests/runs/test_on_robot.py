@@ -17,6 +17,7 @@ import omniservo.runs.open_hardware as open_hardware_module
 import omniservo.runs.robot_check as robot_check
 from omniservo.calibration.camera_delay import CameraDelay
 from omniservo.cli.main import main
+from omniservo.cli.robot_file import RobotParts
 from omniservo.errors import InputError, NoSolutionError, NotInControl, ProtectiveStop
 from omniservo.hardware.rtde.server import UrStandIn
 from omniservo.robots import ArmMode, RobotState
@@ -293,6 +294,12 @@ def test_images_outside_the_robot_files_folder_need_leave(robot_file, source):
     with pytest.raises(InputError, match=r"robot\.yaml: camera\.source: .*--allow-outside"):
         assert load_robot(path).camera_uri
     assert load_robot(path, allow_outside=True).camera_uri.endswith(source.partition("/")[2])
+
+
+@pytest.mark.parametrize("share", [0.0, 1.5, float("nan")])
+def test_a_share_of_the_speeds_on_the_command_line_is_refused_by_its_name(robot_file, share):
+    with pytest.raises(InputError, match=rf"^--speed: {share:g} given"):
+        RobotParts().load(robot_file(speed=0.2), share, allow_outside=False)
 
 
 FOUND = RobotDelay(CameraDelay(0.043, 0.0015, 0.2, 90.0), 0.021, 0.001, 120, 0.083)

@@ -16,6 +16,7 @@ from rich.prompt import Confirm
 from omniservo.cli.progress import DOING
 from omniservo.cli.robot_options import AllowOutsideOption
 from omniservo.errors import InputError, NoSolutionError
+from omniservo.geometry.arrays import finite_number
 
 if TYPE_CHECKING:
     from omniservo.cli.progress import Progress
@@ -50,10 +51,12 @@ class RobotParts:
         """Read a robot file.
 
         Raises:
-            InputError: not a robot file.
+            InputError: not a robot file, or no such share.
         """
         from omniservo.tasks import load_robot
 
+        if speed is not None:
+            finite_number("--speed", speed, above=0.0, maximum=1.0)
         return load_robot(path, camera_source=self.camera_source, speed=speed, allow_outside=allow_outside)
 
     def refuse(self) -> None:
