@@ -275,3 +275,19 @@ def test_a_run_says_of_what_loading_code_was_a_part_and_no_demand_that_nobody_ma
     assert lines[1].endswith("64.98 mm executed")
     words = "motion and structure 200 ms, planning 800 ms (900 ms of both was loading or compiling code);"
     assert words in lines[-1]
+
+
+@pytest.mark.parametrize(
+    ("file", "words"),
+    [
+        ("recording.mcap", "the recording in it, {folder}/recording.mcap"),
+        ("study.json", "one of the study's rows, {folder}:ROW"),
+        ("metrics.json", "a recording, which omniservo export {folder} makes of the run"),
+        ("letter.txt", "a recording (.mcap), or STUDY:ROW"),
+    ],
+)
+def test_of_a_folder_it_is_said_what_is_replayed(capsys, tmp_path, file, words):
+    (tmp_path / file).touch()
+    code, out, err = call(capsys, "run", "--replay", tmp_path)
+    assert (code, out) == (2, "")
+    assert err == f"omniservo: --replay: {tmp_path}: a folder; legal: {words.format(folder=tmp_path)}\n"

@@ -33,7 +33,13 @@ def is_given(context: typer.Context, name: str) -> bool:
 
 
 def replay(file: Path, allow_outside: bool, output: Output) -> None:
-    """Replay a recording and say whether it came to the same."""
+    """Replay a recording and say whether it came to the same.
+
+    Raises:
+        InputError: no recording; of a folder it is said what of it can be replayed.
+    """
+    if file.is_dir():
+        raise InputError(f"--replay: {file}: a folder; legal: {_in_place_of(file)}")
     require_file(file)
     with output.working("starting") as progress:
         progress("loading")
@@ -70,3 +76,17 @@ def replay(file: Path, allow_outside: bool, output: Output) -> None:
     )
     if not equal:
         raise answer_is_no(f"differs from what was logged: {found.differences[0]}")
+
+
+def _in_place_of(folder: Path) -> str:
+    """Return what can be replayed where a folder was given."""
+    from omniservo.runs.export_run import RECORDING
+
+    recording = folder / RECORDING
+    if recording.exists():
+        return f"the recording in it, {recording}"
+    if (folder / "study.json").exists():
+        return f"one of the study's rows, {folder}:ROW"
+    if (folder / "metrics.json").exists():
+        return f"a recording, which omniservo export {folder} makes of the run"
+    return "a recording (.mcap), or STUDY:ROW"
