@@ -69,8 +69,12 @@ def test_a_run_is_played_beside_its_plan(run, page):
     assert np.allclose(place.planned.as_matrix(), answer.world_T_camera(float(played.w[-1])).as_matrix())
     assert playback.followed(answer) == (played.plan, float(played.w[-1]))
     assert np.linalg.norm(place.camera.translation - place.planned.translation) < 5e-3
-    playback.run_shown = False
+    playback.run_shown = False  # the box "play the run" was unticked
     assert playback.place(answer).planned is None
+    playback.take_run(played)  # of the next servo
+    assert playback.place(answer).planned is None
+    playback.run_shown = True
+    assert playback.place(answer).planned is not None
 
 
 @pytest.mark.parametrize(

@@ -65,8 +65,8 @@ class Playback:
         self._server, self._newest = server, newest
         self.playing = False
         self.run: ExecutedRun | None = None
-        self.run_shown = False
-        """whether what is played is the run; the slider then goes along its time"""
+        self.run_shown = True
+        """whether what is played is the run, where there is one; the slider then goes along its time"""
         self.moment: Moment | None = None
         """of a servo that goes on"""
         self.view_seconds: deque[float] = deque(maxlen=_KEPT_TIMES)
@@ -101,7 +101,7 @@ class Playback:
 
     def take_run(self, run: ExecutedRun | None) -> None:
         """Show a run beside its plan, or none."""
-        self.run, self.run_shown = run, run is not None
+        self.run = run
         if run is not None:
             self._nodes.show_executed(run.world_T_camera.translation)
 
