@@ -243,15 +243,25 @@ def test_a_run_needs_a_fresh_check_of_the_same_file(robot_file):
         require_check(path, load_robot(path))
 
 
-def test_a_check_of_another_driver_or_camera_is_none_of_this_robot(robot_file):
-    path = robot_file()
-    save_check(path, load_robot(path), "stand_in.py:Arm")
-    require_check(path, load_robot(path), "stand_in.py:Arm")
-    with pytest.raises(InputError, match=r"checked with driver 'stand_in\.py:Arm'; it is 'rtde' now; run"):
+def test_a_check_of_another_driver_or_camera_is_none_of_this_robot(robot_file, tmp_path):
+    path, own = robot_file(), tmp_path / "stand_in.py"
+    own.write_text("sign = 1.0\n")
+    save_check(path, load_robot(path), f"{own}:Arm")
+    require_check(path, load_robot(path), f"{own}:Arm")
+    with pytest.raises(InputError, match=r"checked with driver '.*stand_in\.py:Arm'; it is 'rtde' now; run"):
         require_check(path, load_robot(path))
     save_check(path, load_robot(path, camera_source="v4l2:1"))
     with pytest.raises(InputError, match="checked with camera_source 'v4l2:1'"):
         require_check(path, load_robot(path))
+
+
+def test_a_check_is_of_the_code_of_a_driver_of_ones_own(robot_file, tmp_path):
+    path, own = robot_file(), tmp_path / "stand_in.py"
+    own.write_text("sign = 1.0\n")
+    save_check(path, load_robot(path), f"{own}:Arm")
+    own.write_text("sign = -1.0\n")
+    with pytest.raises(InputError, match="changed since it was checked, or a file that it or --driver names"):
+        require_check(path, load_robot(path), f"{own}:Arm")
 
 
 def test_a_check_is_of_the_arms_file_and_the_mounts_too(robot_file, tmp_path):
@@ -262,7 +272,7 @@ def test_a_check_is_of_the_arms_file_and_the_mounts_too(robot_file, tmp_path):
     save_check(path, load_robot(path))
     require_check(path, load_robot(path))
     model.write_text(model.read_text().replace('axis="0 1 0"', 'axis="0 -1 0"', 1))
-    with pytest.raises(InputError, match="changed since it was checked, or a file that it names"):
+    with pytest.raises(InputError, match="changed since it was checked, or a file that it"):
         require_check(path, load_robot(path))
     save_check(path, load_robot(path))
     robot_file(arm={"model": "arm.xml", "flange_T_camera": {"translation": [0.0, 0.0, 0.2]}})

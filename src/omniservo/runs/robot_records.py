@@ -11,7 +11,7 @@ from pathlib import Path
 from omniservo.calibration.camera_delay import SEARCHED
 from omniservo.errors import InputError, NoSolutionError, spelled
 from omniservo.field_docs import with_field_docs
-from omniservo.files import is_file, read_document, write_whole
+from omniservo.files import is_file, read_bytes, read_document, write_whole
 from omniservo.geometry.arrays import finite_number
 from omniservo.runs.loop_delay import LoopDelay
 from omniservo.runs.robot_delay import MOST_LAG, RobotDelay
@@ -36,7 +36,7 @@ def save_check(path: Path, robot: RobotFile, driver: str | None = None) -> Path:
         driver: replaced the file's.
     """
     beside = path.with_suffix(".check.json")
-    fields = {**_devices(robot, driver), "robot_sha256": _hash(robot), "time": time.time()}
+    fields = {**_devices(robot, driver), "robot_sha256": _hash(robot, driver), "time": time.time()}
     write_whole(beside, json.dumps({"format": CHECK, **fields}, indent=2) + "\n", force=True)
     return beside
 
@@ -57,12 +57,14 @@ def require_check(path: Path, robot: RobotFile, driver: str | None = None) -> No
     if not is_file(beside):
         raise InputError(f"{path}: not checked yet; {again}")
     document = _document(beside, CHECK)
-    if document.get("robot_sha256") != _hash(robot):
-        raise InputError(f"{path}: changed since it was checked, or a file that it names; {again}")
     for name, now in _devices(robot, driver).items():
         if document.get(name) != now:
             was = spelled(document.get(name))
             raise InputError(f"{path}: checked with {name} {was}; it is {spelled(now)} now; {again}")
+    if document.get("robot_sha256") != _hash(robot, driver):
+        raise InputError(
+            f"{path}: changed since it was checked, or a file that it or --driver names; {again}"
+        )
     age = time.time() - finite_number(f"{beside}: time", document.get("time"))
     if not 0.0 <= age <= FRESH:
         raise InputError(f"{path}: checked {age / 3600.0:.0f} h ago; at most {FRESH / 3600.0:g} h; {again}")
@@ -178,9 +180,11 @@ def _document(path: Path, wanted: str) -> dict[str, object]:
     return document
 
 
-def _hash(robot: RobotFile) -> str:
-    """Return the hash of the robot's file, and of those that it names."""
-    files = {} if robot.sources is None else robot.sources.kept(robot).files
+def _hash(robot: RobotFile, driver: str | None) -> str:
+    """Return the hash of the robot's file, of those that it names, and of that of a driver of one's own."""
+    files = {} if robot.sources is None else dict(robot.sources.kept(robot).files)
+    if driver is not None and (own := driver.rpartition(":")[0]).endswith(".py"):
+        files[driver] = read_bytes(own)
     found = hashlib.sha256()
     for name in sorted(files):
         found.update(f"{name}\0{len(files[name])}\0".encode() + files[name])
