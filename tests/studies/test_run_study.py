@@ -245,6 +245,21 @@ def test_a_header_s_machines_that_are_none_are_refused(undisturbed, tmp_path, ma
         merged([folder], tmp_path / "all")
 
 
+def test_a_disk_that_gets_full_in_a_merge_keeps_no_half_of_a_part(undisturbed, tmp_path, monkeypatch):
+    def refused(*given):
+        raise OSError(18, "another disk")
+
+    def half(source, target):
+        target.write(source.read(10))
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.link", refused)
+    monkeypatch.setattr("shutil.copyfileobj", half)
+    with pytest.raises(NotWritten, match=r"000000\.jsonl\.gz: No space left .*; nothing was written"):
+        merged([undisturbed], tmp_path / "all")
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize("number", [1, 38, 95])  # EPERM, ENOSYS, ENOTSUP
 def test_parts_are_written_where_the_disk_has_no_links(study, undisturbed, tmp_path, monkeypatch, number):
     def refused(*given):

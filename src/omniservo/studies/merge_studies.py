@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import os
-import shutil
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from omniservo.errors import InputError, NotWritten
+from omniservo.errors import InputError
+from omniservo.files import copy_whole, write_whole
 from omniservo.studies.study import Study
 from omniservo.studies.study_folder import HEADER, StudyHeader, read_header, refuse_other
 from omniservo.studies.study_parts import StudyPart, part_count, part_file, read_part
@@ -50,7 +50,7 @@ def merge_studies(
         _taken_over(source, part_file(work, number))
         progress("verifying certificates", (number + 1) / count)
     machines = {tuple(m.items()): m for header in headers for m in header.machines}
-    (work / HEADER).write_text(StudyHeader(study, first.version, tuple(machines.values())).to_json())
+    write_whole(work / HEADER, StudyHeader(study, first.version, tuple(machines.values())).to_json())
     return study, certificates
 
 
@@ -86,9 +86,6 @@ def _fault(plan: dict[str, Any]) -> str:
 def _taken_over(source: Path, target: Path) -> None:
     """Let a part be in another folder, too: without a copy where both are on one disk."""
     try:
-        try:
-            os.link(source, target)
-        except OSError:
-            shutil.copyfile(source, target)
-    except OSError as error:
-        raise NotWritten(target, error.strerror or str(error)) from None
+        os.link(source, target)
+    except OSError:
+        copy_whole(source, target)
