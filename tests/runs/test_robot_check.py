@@ -78,6 +78,20 @@ def test_an_arm_that_stops_by_itself_is_proven_to():
     assert not turned[:5].any()
 
 
+def test_an_arm_that_is_moved_while_the_second_question_stands_is_not_turned():
+    arm = WallClockArm(START, kept=0.1)
+
+    def agreed(motion):
+        arm.joints = arm.joints + np.deg2rad([0.0, 0.0, 3.0, 0.0, 0.0, 0.0])
+
+    stood, wrong = watchdog_proof(ARM, arm, agreed, promised=30.0)
+    assert stood is None
+    assert wrong == [
+        "elbow was moved by 3.00 deg since its room was proven; check it again from where it now stands"
+    ]
+    assert np.allclose(np.rad2deg(arm.joints - START), [0.0, 0.0, 3.0, 0.0, 0.0, 0.0])
+
+
 def test_an_arm_that_goes_on_for_ever_is_found_out_and_stopped(monkeypatch):
     monkeypatch.setattr(robot_check, "PATIENCE", 0.5)
     arm = WallClockArm(START)

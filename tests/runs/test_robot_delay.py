@@ -104,6 +104,21 @@ def test_an_arm_that_would_hit_itself_in_the_swing_does_not_move():
         measure_delay(cell, SafetyOptions())
 
 
+def test_an_arm_that_is_moved_while_the_question_stands_does_not_swing():
+    begin, agreed = np.deg2rad([0.0, -90.0, 90.0, -90.0, -90.0, 0.0]), []
+
+    def read():
+        return RobotState(0.0, CLOSE if agreed else begin, np.zeros(6))
+
+    cell = SimpleNamespace(
+        scene=SimpleNamespace(arm=ARM, flange_T_camera=RigidTransform.identity()),
+        driver=SimpleNamespace(read=read),
+        approve=agreed.append,
+    )
+    with pytest.raises(NoSolutionError, match=r"was moved by .* since its room was proven; nothing was comm"):
+        measure_delay(cell, SafetyOptions())
+
+
 def test_the_swing_keeps_the_joints_limits_and_ends_where_it_began():
     for arm in (ARM, ARM.slowed(0.02), load_arm("panda")):
         chosen, size = swing_joints(arm), swing_size(arm)

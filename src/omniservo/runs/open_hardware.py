@@ -210,7 +210,7 @@ def _cell(scene: Scene, robot: RobotFile, seats: _Seats, options: SafetyOptions)
         )
         opened.callback(client.close)
         # the workspace is stated from where the joints were read first
-        if words := moved_joint(scene, client.read().joint_positions):
+        if words := moved_joint(scene.arm, scene.start_joints, client.read().joint_positions):
             raise InputError(
                 f"{words} while the robot was connected to; start again from where the arm now stands"
             )

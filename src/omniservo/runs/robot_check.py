@@ -16,6 +16,7 @@ from omniservo.hardware import ArmConnection, ClockMap
 from omniservo.robots import SELF_CLEARANCE, Arm, ArmBodies, ArmMode, CameraSource
 from omniservo.runs.joint_trial import STILL, JointAnswer, JointTrial
 from omniservo.runs.loop_delay import LoopDelay
+from omniservo.runs.moved_joint import moved_joint
 from omniservo.runs.on_robot import image_latency_of, out_of_range
 from omniservo.runs.safety_of_task import FRAMES_MISSED, image_age_of
 from omniservo.safety import SafetyOptions, refuse_unready
@@ -258,9 +259,12 @@ def watchdog_proof(
         How long after the last command the joint stood [s], None where it did not move; what is wrong.
     """
     joint = arm.dof - 1
-    name, before = arm.joint_names[joint], connection.read().joint_positions[joint]
+    name, standing = arm.joint_names[joint], connection.read().joint_positions
+    before = standing[joint]
     sign = 1.0 if before < arm.joint_range[joint].mean() else -1.0
     approve(f"turn {name} at {math.degrees(SLOW):g} deg/s for half a second, then fall silent")
+    if words := moved_joint(arm, standing, connection.read().joint_positions):
+        return None, [f"{words} since its room was proven; check it again from where it now stands"]
     velocities = np.zeros(arm.dof)
     velocities[joint] = sign * SLOW
     last = begin = time.monotonic()

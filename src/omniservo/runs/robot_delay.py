@@ -16,6 +16,7 @@ from omniservo.geometry.arrays import ByteArray, FloatArray
 from omniservo.hardware import JointHistory
 from omniservo.robots import Arm, ArmBodies, RobotState, arm_clearance
 from omniservo.robots.path_following.joint_segment import joint_segment
+from omniservo.runs.moved_joint import moved_joint
 from omniservo.runs.robot_cell import RobotCell
 from omniservo.runs.supervisor_of import supervisor_of
 from omniservo.safety import SafetyOptions, SupervisedRobot
@@ -75,12 +76,14 @@ def measure_delay(cell: RobotCell, options: SafetyOptions) -> RobotDelay:
         options: of its supervisor; time offsets are searched within their ``time_offset``.
 
     Raises:
-        NoSolutionError: see `camera_delay` and `actuation_lag`; or it may not move, or has no room to.
+        NoSolutionError: see `camera_delay` and `actuation_lag`; or the arm may not move,
+            has no room to, or was moved since that was proven.
         ServoStop: what stopped the arm.
     """
     arm = cell.scene.arm
     chosen, size = swing_joints(arm), swing_size(arm)
-    if why := swing_barred(arm, cell.scene.flange_T_camera, cell.driver.read().joint_positions):
+    begin = cell.driver.read().joint_positions
+    if why := swing_barred(arm, cell.scene.flange_T_camera, begin):
         raise NoSolutionError(
             f"{arm.joint_names[chosen[0]]} and {arm.joint_names[chosen[1]]} have no {math.degrees(size):.1f} "
             f"deg of room either way: {why}; bring the arm elsewhere"
@@ -89,6 +92,10 @@ def measure_delay(cell: RobotCell, options: SafetyOptions) -> RobotDelay:
         f"swing {arm.joint_names[chosen[0]]} and {arm.joint_names[chosen[1]]} by {math.degrees(size):.1f} "
         f"deg either way for {SECONDS:g} s"
     )
+    if words := moved_joint(arm, begin, cell.driver.read().joint_positions):
+        raise NoSolutionError(
+            f"{words} since its room was proven; nothing was commanded: start again from where it now stands"
+        )
     recorded = _recorded(cell, options, chosen, size)
     tracks = tracked(recorded.images)
     time_sigma = float(np.median(recorded.time_sigmas))

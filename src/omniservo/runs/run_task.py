@@ -178,7 +178,7 @@ def _in_words(plan: Plan | None, motion: PlannedMotion | None) -> str:
 
 def _refuse_moved(cell: RobotCell, scene: Scene) -> None:
     """Refuse where the arm is not where the plan begins: somebody moved it while the plan was approved."""
-    if words := moved_joint(scene, cell.driver.read().joint_positions):
+    if words := moved_joint(scene.arm, scene.start_joints, cell.driver.read().joint_positions):
         raise NoSolutionError(
             f"{words} since the initial image; nothing was commanded: start again from where the arm now"
             " stands"
