@@ -116,7 +116,22 @@ def test_it_says_when_rendering_cannot_keep_up(opened, monkeypatch):
     robot = opened(sensor={"rate": 100.0, "latency": 0.0})
     assert robot.behind is None
     until(lambda: robot.behind is not None)
-    assert "the camera has 100" in robot.behind
+    assert robot.behind.endswith("the camera has 100: take a lower --rate, or smaller images (--size)")
+
+
+def test_smaller_images_are_no_advice_where_dots_are_drawn(opened, monkeypatch):
+    class Slow:
+        def __init__(self, scene):
+            pass
+
+        def drawn(self, exposure):
+            Event().wait(0.03)
+            return np.zeros((2, 2), dtype=np.uint8)
+
+    monkeypatch.setattr(real_time_robot, "ProjectedDots", Slow)
+    robot = opened(sensor={"rate": 100.0, "latency": 0.0}, projected=True)
+    until(lambda: robot.behind is not None)
+    assert robot.behind.endswith("the camera has 100: take a lower --rate")
 
 
 def test_a_stopped_controller_brakes_and_obeys_nothing(opened):

@@ -83,9 +83,11 @@ class RealTimeRobot:
         if share >= _ENOUGH:
             return None
         rate = self._scene.sensor.rate
+        # dots that are drawn take no longer in larger images, and are not found in much smaller ones
+        smaller = ", or smaller images (--size)" if self._dots is None else ""
         return (
-            f"this machine renders {share * rate:.1f} frames a second; the camera has {rate:g}: take a lower "
-            "--rate, or smaller images (--size)"
+            f"this machine makes {share * rate:.1f} frames a second; the camera has {rate:g}: take a lower "
+            f"--rate{smaller}"
         )
 
     def read(self) -> RobotState:
