@@ -112,3 +112,17 @@ def test_run_and_what_follows_from_it_give_the_json_on_the_agents_page(ran, caps
             code, out, err = call(capsys, *shlex.split(command))
             assert code == 0, err
             assert list(differences(shown(answer), json.loads(out))) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("aside", [0, 300])
+def test_a_goal_that_shows_a_part_of_the_target_is_taught_with_a_notice(tmp_path, capsys, aside):
+    text = task_file("ur5e-table").read_text()
+    moved = text.replace(
+        "initial_T_goal: {translation: [280,", f"initial_T_goal: {{translation: [{280 + aside},"
+    )
+    assert (moved == text) == (aside == 0)
+    (tmp_path / "task.yaml").write_text(moved)
+    code, said, _ = call(capsys, "teach", tmp_path / "task.yaml", "--out", tmp_path / "goal.json")
+    assert code == 0
+    assert ("8 features found" in said) == ("notice: the target has 14 dots" in said) == (aside > 0)

@@ -54,7 +54,13 @@ def teach(
             with closing(cell):
                 goal = teach_here(begun, cell)
     goal.save(out, force=force)
-    output.line(f"{len(goal.features)} features found in the goal image")
+    found, dots = len(goal.features), len(loaded.target.dots)
+    output.line(f"{found} features found in the goal image")
+    if found < dots:
+        output.line(
+            f"notice: the target has {dots} dots; a run refuses images that share too few to be matched: "
+            "does the camera see all of it from here?"
+        )
     output.written(out)
     output.result({"out": str(out), "features": goal.features, "joints": goal.joints}, "teach")
 
