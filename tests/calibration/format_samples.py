@@ -385,7 +385,40 @@ DEPTHAI = json.dumps(
     {"cameraData": [[0, oak(0, 611.0, RATIONAL.distortion)], [2, oak(1, 311.0, FISHEYE.k)]], "version": 7}
 )
 
+
+def mrcal(lens, distortion):
+    """A .cameramodel as mrcal writes it, comments and all."""
+    numbers = ", ".join(map(repr, (611.0, 612.0, 320.25, 239.5, *distortion)))
+    return f"""# generated on 2024-05-03 with mrcal-calibrate-cameras --corners-cache corners.vnl
+{{
+    'lensmodel':  '{lens}',
+
+    # intrinsics are fx,fy,cx,cy,distortion0,distortion1,....
+    'intrinsics': [ {numbers},],
+
+    'valid_intrinsics_region': [
+    [ 0, 0 ],
+    [ 0, 479 ],
+],
+
+    # extrinsics are rt_fromref
+    'extrinsics': [ 0, 0, 0, 0, 0, 0,],
+
+    'imagersize': [ 640, 480,],
+
+    'optimization_inputs': b'P)h>@6aWAK2mk;8Apq{{0]`tP004Ch000jF003}}la4%n9X>MtBUtcb8c~',
+}}
+"""
+
+
 SAMPLES = {
+    "mrcal, OPENCV8": (mrcal("LENSMODEL_OPENCV8", RATIONAL.distortion), {}, RATIONAL),
+    "mrcal, OPENCV4, no comment before": (
+        mrcal("LENSMODEL_OPENCV4", RADTAN.distortion).partition("\n")[2],
+        {},
+        RADTAN,
+    ),
+    "mrcal, PINHOLE": (mrcal("LENSMODEL_PINHOLE", ()), {}, PLAIN),
     "EuRoC, radial-tangential": (euroc("radial-tangential", "611, 612", RADTAN.distortion), {}, RADTAN),
     "EuRoC, equidistant": (euroc("equidistant", "311, 312", FISHEYE.k), {}, FISHEYE),
     "maplab, one camera alone": (json.dumps(MAPLAB_CAMERA), {}, RADTAN),

@@ -206,6 +206,31 @@ def test_a_robot_that_is_lost_in_motion_leaves_a_report_that_says_why(tmp_path):
     assert (tmp_path / "final.png").exists()
 
 
+def test_code_is_loaded_by_tracking_an_image_before_the_motion_is_agreed_to():
+    """Compiling takes half a minute, once: a motion that began so long after the yes would surprise."""
+    times = []
+
+    def refuse(motion):
+        raise NoSolutionError("no")
+
+    def open_cell(task, seed):
+        cell = OwnCell(task, seed)
+        exact = cell.camera.image
+
+        def seen():
+            image = exact()
+            times.extend([] if image is None else [image.time])
+            return image
+
+        times.clear()
+        cell.camera.image, cell.approve, cell.clock = seen, refuse, lambda: cell.driver.time
+        return cell
+
+    with pytest.raises(NoSolutionError, match="no"):
+        run_task(load_task("paper-example-1"), open_cell, filmed=False)
+    assert len(set(times)) >= 2  # the initial one, and one that was tracked
+
+
 def test_an_arm_that_was_moved_while_the_plan_was_approved_is_not_commanded():
     cells = []
 

@@ -18,6 +18,7 @@ from omniservo.camera_files.formats import (
     kalibr,
     mei_toolbox,
     metashape,
+    mrcal,
     nerfstudio,
     ocamcalib,
     okvis,
@@ -95,6 +96,7 @@ _READERS: tuple[_Reader, ...] = (
     realsense,
     depthai,
     woodscape,
+    mrcal,
 )
 
 WRITTEN: dict[str, WrittenFormat] = {
@@ -160,8 +162,8 @@ def read_model(
         raise InputError(
             f"{path}: no known camera format; legal: omniservo.camera/1, OpenCV, Kalibr, CamOdoCal / VINS,"
             " Basalt, ROS, OCamCalib, py-OCamCalib, SVO, maplab, BoofCV, COLMAP, Mei (xi), ViSP, ORB-SLAM,"
-            " stella_vslam, OKVIS, EuRoC, nerfstudio, Metashape, RealSense, DepthAI, WoodScape. Write any"
-            " other as OpenCV has it:"
+            " stella_vslam, OKVIS, EuRoC, nerfstudio, Metashape, RealSense, DepthAI, WoodScape, mrcal. Write"
+            " any other as OpenCV has it:"
             ' {"K": [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], "D": […], "image_size": [width, height]}'
         )
     if model is not None and reader not in (opencv, ost):

@@ -27,9 +27,18 @@ _LONGEST_SEARCHED = 2**18
 OST = "cameras of camera_calibration"
 """the field under which the cameras of ROS's ``ost.txt`` are kept"""
 
+MRCAL = "camera model of mrcal"
+"""the field under which what a ``.cameramodel`` of mrcal says of its lens is kept"""
+
 _STREAM = re.compile(r'^ *Intrinsic of "([^"\n]+)" +(?:/ *)?(\d+x\d+)', flags=re.MULTILINE)
 
 _OST = re.compile(r"^\[image\]\s+width\s", flags=re.MULTILINE)
+
+_LENSMODEL = re.compile(r"^[ \t{]*'lensmodel'[ \t]*:", flags=re.MULTILINE)
+
+_OF_LENS = re.compile(
+    r"^[ \t{]*'(lensmodel|intrinsics|imagersize)'\s*:\s*('[^']*'|\[[^\]]*\])", flags=re.MULTILINE
+)
 
 _TABLE_ROW = re.compile(r"[-+.\d][^:{}\[\],]*")
 
@@ -39,6 +48,7 @@ def parse_fields(text: str, source: str) -> tuple[Mapping[str, Any], Callable[[F
 
     What ``rs-enumerate-devices -c`` prints is ``{STREAMS: {"Color-640x480": {"Width": …}}}``, and what ROS's
     camera_calibration saves as ost.txt ``{OST: {"narrow_stereo": {"width": […], "camera matrix": […], …}}}``.
+    Of a dictionary that mrcal writes, which is Python, three fields are found, and nothing is evaluated.
 
     A table's rows are ``{"rows": [[…], …]}``: what stands between blanks. Of its comments one is read,
     ``# omniservo_lens: {…}`` in JSON, as a field.
@@ -56,6 +66,8 @@ def parse_fields(text: str, source: str) -> tuple[Mapping[str, Any], Callable[[F
         return {STREAMS: _streams(text)}, lambda _: 0
     if _OST.search(text):
         return {OST: _ost_cameras(text)}, lambda _: 0
+    if _LENSMODEL.search(text):
+        return {MRCAL: _mrcal_lens(text)}, lambda _: 0
     rows = _rows(text)
     if rows is not None:
         numbers = [number for number, _ in rows]
@@ -114,6 +126,14 @@ def _ost_cameras(text: str) -> dict[str, dict[str, list[Any]]]:
         elif line:
             values = fields.setdefault(line, [])
     return cameras
+
+
+def _mrcal_lens(text: str) -> dict[str, Any]:
+    fields: dict[str, Any] = {}
+    for name, said in _OF_LENS.findall(text):
+        words = said[1:-1].replace(",", " ").split()
+        fields[name] = [number_or_word(word) for word in words] if said.startswith("[") else said[1:-1]
+    return fields
 
 
 def _rows(text: str) -> list[tuple[int, list[Any]]] | None:

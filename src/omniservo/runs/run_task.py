@@ -138,11 +138,12 @@ def _run_in(
         points = true_points(task, cell.truth, scene.start_joints, matched.initial)
         truth = _truth(task, scene, goal, points)
     controller = controller_of(task, method, plan, motion, estimate, followed, matched)
-    cell.approve(_in_words(plan, motion))
-    _refuse_moved(cell, scene)
     replanner = replanner_of(task, scene, plan, risk, motion, controller, seed)
     tracker = kind.tracker(task.camera, seen.initial_image, goal.image, matched)
     recorder = Recorder(task, cell, controller, replanner, None if truth is None else truth.points, recording)
+    _load_code(cell, controller, tracker, recorder)
+    cell.approve(_in_words(plan, motion))
+    _refuse_moved(cell, scene)
     log = _drive(task, cell, controller, replanner, tracker, recorder, progress, replans=method.replans)
     seconds["control"] = float(np.median(log.column("control_seconds"))) if log.rows else 0.0
     film = _film(log, recorder, cell, progress) if filmed else Film((), (), ())
@@ -162,6 +163,19 @@ def _run_in(
 def _film(log: RunLog, recorder: Recorder, cell: RobotCell, progress: Progress) -> Film:
     progress("filming", 0.0)
     return film_of(log, recorder.images, cell.truth)
+
+
+def _load_code(cell: RobotCell, controller: Controller, tracker: FeatureTracker, recorder: Recorder) -> None:
+    """Track one image, where time does not wait for code to be loaded or compiled.
+
+    That is done before somebody agrees to the motion: once agreed to, it begins.
+    """
+    if cell.clock is None:
+        return
+    predicted, expected = controller.predict(0.0)
+    image = next_image(cell.camera, cell.wait)
+    tracker.update(image.pixels, np.where(expected[:, None], predicted, np.nan))
+    recorder.warmed(image)
 
 
 def _in_words(plan: Plan | None, motion: PlannedMotion | None) -> str:
@@ -261,12 +275,6 @@ def _drive(
             progress("waiting for images", behind())
 
     visibility = VisibilityFilter(task.camera, delay=task.sensor.latency, options=options)
-    if cell.clock is not None:  # time does not wait for code to be loaded: the arm stands until it is
-        predicted, expected = controller.predict(0.0)
-        there = np.where(expected[:, None], predicted, np.nan)
-        warmed = next_image(cell.camera, cell.wait)
-        tracker.update(warmed.pixels, there)
-        recorder.warmed(warmed)
     stop = servo(
         supervisor_of(cell, options),
         controller,
