@@ -9,6 +9,7 @@ from omniservo.estimation import estimate_two_view
 from omniservo.estimation.matches import Matches
 from omniservo.estimation.robust.two_view_fit import fit_two_views, sharper_fit
 from omniservo.estimation.status.camera_evidence import foreign_evidence
+from omniservo.estimation.uncertainty.two_view_uncertainty import Lens
 
 ERROR = {"sigma_px": 0.46, "length_px": 77.0}
 """what a calibration that says nothing of its own error is taken to have"""
@@ -18,6 +19,12 @@ CAMERA = UnifiedCamera.from_dict({**EXACT.to_dict(), "model_error": ERROR})
 TRUE = RigidTransform.from_components(
     [3.0, 0.2, 0.3], Rotation.from_euler("xyz", [2.0, -20.0, 1.0], degrees=True)
 )
+
+
+def lens_of(sigma_px):
+    """Return what is said of a camera whose model is off by so much [px]."""
+    error = {**ERROR, "sigma_px": sigma_px}
+    return Lens(UnifiedCamera.from_dict({**EXACT.to_dict(), "model_error": error}), np.empty((0, 5)))
 
 
 def facade(seed, wrong, before=18, period=2.0, sides=(-1.0, 1.0)):
@@ -88,7 +95,7 @@ def test_wrong_matches_a_few_pixels_off_are_not_called_badly_found_where_most_ag
 def test_wrong_windows_are_no_evidence_of_another_camera_where_most_agree_to_the_pixels_noise():
     _, _, narrow, sharp = matches_and_fits(sides=(1.0,))
     assert 0.05 < np.mean(~sharp.members) < 0.2
-    assert foreign_evidence(sharp, narrow, 0.0, 0.46) is None
-    assert foreign_evidence(sharp, narrow, 0.0, 0.5 * NOISE) is not None
+    assert foreign_evidence(sharp, narrow, 0.0, lens_of(0.46)) is None
+    assert foreign_evidence(sharp, narrow, 0.0, lens_of(0.5 * NOISE)) is not None
     unknown = narrow._replace(noise_px=0.0)  # then nothing says that they agree so well
-    assert foreign_evidence(sharp, unknown, 0.0, 0.1) is not None
+    assert foreign_evidence(sharp, unknown, 0.0, lens_of(0.1)) is not None

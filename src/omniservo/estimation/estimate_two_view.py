@@ -228,16 +228,16 @@ def _estimate_general(
     if fit is None:
         words = f"fewer than {EIGHT_POINTS} of the {matches.size} matches agree"
         return TwoViewEstimate.without_pose(matches.size, "too_few_points", words, started)
-    error_px = request.lens.sigma_px
-    status, words = judge(fit, gates, robust, error_px)
+    lens = request.lens
+    status, words = judge(fit, gates, robust, lens)
     if status == "ok" and against:
         return TwoViewEstimate.without_pose(matches.size, "not_converged", against, started)
     if status in ("ok", "not_converged") and not by_squares:
         wider = with_rivals(gates, fit, request.kind, robust)
         if wider is not fit:
             fit = wider
-            status, words = judge(fit, gates, robust, error_px)
-    if status == "not_converged" and request.may_raise(robust) and is_only_noisier(fit, gates, error_px):
+            status, words = judge(fit, gates, robust, lens)
+    if status == "not_converged" and request.may_raise(robust) and is_only_noisier(fit, gates, lens):
         return _estimate_general(matches.noisier(RAISE), plane, robust, request.noisier(RAISE), started)
     vouched = vouched_fit(gates, fit, request.kind) if status == "ok" and robust and not by_squares else fit
     if vouched is None:
@@ -245,10 +245,10 @@ def _estimate_general(
         return TwoViewEstimate.without_pose(matches.size, "too_few_points", words, started)
     if vouched is not fit:
         fit = vouched
-        status, words = judge(fit, gates, robust, error_px)
+        status, words = judge(fit, gates, robust, lens)
     judged = Judged(status, words, two_of(fit, status))
     if status == "ok" and robust and not by_squares:
-        judged = judge_others(gates, fit, request.kind, error_px)
+        judged = judge_others(gates, fit, request.kind, lens.sigma_px)
     if judged.status != "ok":
         both = tuple(_pose(m.rotation, m.translation) for m in judged.motions)
         return TwoViewEstimate.without_pose(matches.size, judged.status, judged.words, started, both)

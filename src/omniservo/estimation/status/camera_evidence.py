@@ -9,7 +9,9 @@ alike, sizes uniform). Of matches on surfaces that a smooth law puts off their
 epipolar lines nearly all do.
 
 The members ask for another focal length, f(1 + φ). φ is a sixth parameter of the distances d, and one step of
-least squares finds it: (motion, φ) = −(JᵀJ)⁻¹Jᵀd with J = ∂d/∂(motion, φ).
+least squares finds it: (motion, φ) = −(JᵀJ)⁻¹Jᵀd with J = ∂d/∂(motion, φ). What the camera's own errors do
+to the pixels, alike over regions, asks for one as well, and where little tells φ, as when a perspective
+camera moves ahead, for far more than the matches' noise does: there nothing is said.
 """
 
 from __future__ import annotations
@@ -29,8 +31,11 @@ from omniservo.estimation.refinement.epipolar_refinement import (
     sampson_row,
     tangent_plane,
 )
+from omniservo.estimation.refinement.motion_search import Minimum
 from omniservo.estimation.robust.members import GATE, MOTION_PARAMETERS
 from omniservo.estimation.robust.two_view_fit import TwoViewFit
+from omniservo.estimation.uncertainty.shared_camera_error import epipolar_normals
+from omniservo.estimation.uncertainty.two_view_uncertainty import Lens, Solution
 from omniservo.geometry.arrays import BoolArray, FloatArray
 from omniservo.geometry.kernel import kernel
 from omniservo.geometry.linear_systems import factor_cholesky, solve_factored
@@ -49,6 +54,10 @@ LARGEST_FOCAL_ERROR = 0.03
 SMALL_STEP = 1e-4
 """of φ; longer, so that every pixel stays in the camera's domain"""
 
+UNKNOWN_FOCAL = 0.2
+"""σ of φ by the camera's own errors, beyond which matches tell no focal length: 0.1 and less in most views
+of a wide lens, 0.2 to 0.5 where a perspective camera drives ahead"""
+
 CHANCE_ALIKE = 0.01
 """of so many alike among the rejected ones, which are few where the camera is the right one"""
 
@@ -56,17 +65,17 @@ CHANCE_FOCAL = 1e-4
 """Small: errors of natural features have longer tails than a normal law, and neighbours share some."""
 
 
-def foreign_evidence(fit: TwoViewFit, matches: Matches, sigma: float, camera_error_px: float) -> str | None:
+def foreign_evidence(fit: TwoViewFit, matches: Matches, sigma: float, lens: Lens) -> str | None:
     """Return the evidence that the matches come from another camera, or not from one rigid scene.
 
-    ``sigma`` is the noise of a coordinate of weight 1, ``camera_error_px`` that of the camera's model [px].
+    ``sigma`` is the noise of a coordinate of weight 1 [px], ``lens`` says how far the camera may be off.
     """
-    is_sharp = 0.0 < matches.noise_px < camera_error_px
+    is_sharp = 0.0 < matches.noise_px < lens.sigma_px
     largest = LARGEST_PATTERN if is_sharp else LARGEST_BODY
-    return _other_focal(fit, matches) or _alike(fit, matches, GATE * (sigma + camera_error_px), largest)
+    return _other_focal(fit, matches, lens) or _alike(fit, matches, GATE * (sigma + lens.sigma_px), largest)
 
 
-def _other_focal(fit: TwoViewFit, matches: Matches) -> str | None:
+def _other_focal(fit: TwoViewFit, matches: Matches, lens: Lens) -> str | None:
     members, best = matches.where(fit.members), fit.minima[0]
     freedom = members.size - MOTION_PARAMETERS - 1
     if freedom < 1:
@@ -76,12 +85,31 @@ def _other_focal(fit: TwoViewFit, matches: Matches) -> str | None:
         return None
     deviation = spread * max(math.sqrt(cost / freedom), matches.noise_px)
     limit = float(fdtri(1, freedom, 1.0 - CHANCE_FOCAL)) * deviation**2
-    if (abs(focal) - LARGEST_FOCAL_ERROR) ** 2 <= limit:
+    if (abs(focal) - LARGEST_FOCAL_ERROR) ** 2 <= limit or _focal_by_lens(
+        members, best, lens
+    ) > UNKNOWN_FOCAL:
         return None
     return (
         f"the matches ask for a focal length {abs(focal):.0%} {'longer' if focal > 0.0 else 'shorter'}"
         f" (± {deviation:.1%}): they come from another camera, or another zoom"
     )
+
+
+def _focal_by_lens(members: Matches, best: Minimum, lens: Lens) -> float:
+    """Return the σ of φ that the camera's own errors bring: φ = −rᵀd/rᵀr, r what motion leaves of ∂d/∂φ."""
+    moves = lens.all_moves(members, Solution(best.rotation, best.translation, best.points)).pixels
+    if not len(moves):
+        return 0.0
+    essential, left = np.empty((3, 3)), np.empty(members.size)
+    essential_matrix(best.rotation, best.translation, essential)
+    sampson_distances(members.bearings, members.jacobians, essential, left)
+    normals, slopes = epipolar_normals(members, best.rotation, best.translation)
+    pulls = normals * np.repeat(members.weights, 2, axis=1)
+    # ∂d/∂φ, d in pixels of the given camera: noise across an epipolar line is in both terms, and cancels.
+    left -= (pulls * (members.pixels - np.tile(members.parameters[2:4], 2))).sum(axis=1)
+    basis = np.linalg.qr(slopes)[0]
+    left -= basis @ (basis.T @ left)
+    return float(np.linalg.norm(np.einsum("nc,fnc,n->f", pulls, moves, left)) / (left @ left))
 
 
 def _alike(fit: TwoViewFit, matches: Matches, gate: float, largest: float) -> str | None:

@@ -50,6 +50,7 @@ from omniservo.estimation.status.camera_evidence import foreign_evidence
 from omniservo.estimation.status.degenerate_motion import HOMOGRAPHY, IDENTITY, ROTATION, simpler_costs
 from omniservo.estimation.status.heavy_tails import badly_found
 from omniservo.estimation.two_view_estimate import Status
+from omniservo.estimation.uncertainty.two_view_uncertainty import Lens
 from omniservo.geometry.arrays import FloatArray
 
 PLAUSIBLE_NOISE_PX = 0.6
@@ -107,17 +108,15 @@ OTHER_DIRECTION = math.radians(5.0)
 """likewise of fits to different members; smaller, because no uncertainty reaches from one to the other"""
 
 
-def judge(
-    fit: TwoViewFit, matches: Matches, robust: bool, camera_error_px: float = 0.0
-) -> tuple[Status, str]:
+def judge(fit: TwoViewFit, matches: Matches, robust: bool, lens: Lens) -> tuple[Status, str]:
     """Return the status of a fit and one sentence with its evidence; ("ok", "") where it is a pose.
 
-    ``camera_error_px`` is the σ of the camera's model error: no residuals tell of less noise, since motion
-    and structure take most of it up, and neighbours within it may be alike.
+    ``lens`` has the camera's model error: no residuals tell of less noise, since motion and structure take
+    most of it up, and neighbours within it may be alike.
     """
     members = matches.where(fit.members)
     freedom = members.size - MOTION_PARAMETERS
-    variance = max(noise_variance(fit.cost, freedom, members.noise_px), camera_error_px**2)
+    variance = max(noise_variance(fit.cost, freedom, members.noise_px), lens.sigma_px**2)
     simple = simpler_model(members, variance, fit.cost)
     if simple is None and robust and matches.size >= EIGHT_POINTS:
         simple = _bulk_model(fit, matches, variance)
@@ -132,19 +131,19 @@ def judge(
             words += f" where {members.noise_px:.2g} px is stated"
         return "not_converged", f"{words}: the matches do not agree"
     found = math.sqrt(noise_variance(fit.cost, freedom, members.noise_px))
-    foreign = foreign_evidence(fit, matches, math.sqrt(variance), camera_error_px)
+    foreign = foreign_evidence(fit, matches, math.sqrt(variance), lens)
     against = foreign or badly_found(matches, fit, found)
     if against is not None:
         return "not_converged", against
     return _rival(fit, members, variance) or _other_members(fit) or ("ok", "")
 
 
-def is_only_noisier(fit: TwoViewFit, matches: Matches, camera_error_px: float) -> bool:
+def is_only_noisier(fit: TwoViewFit, matches: Matches, lens: Lens) -> bool:
     """Tell whether a fit is refused for nothing but noise that is stated too small."""
     if not fit.minima or not fit.minima[0].converged:
         return False
     sigma = math.sqrt(noise_variance(fit.cost, int(fit.members.sum()) - MOTION_PARAMETERS, matches.noise_px))
-    foreign = foreign_evidence(fit, matches, sigma, camera_error_px)
+    foreign = foreign_evidence(fit, matches, sigma, lens)
     return foreign is None and badly_found(matches, fit, sigma) is not None
 
 
