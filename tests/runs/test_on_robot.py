@@ -507,6 +507,18 @@ def test_an_arm_that_is_found_unfit_is_not_moved_by_its_check_of_before(
 
 
 @pytest.mark.slow
+def test_a_robot_whose_delay_cannot_be_measured_is_not_moved_by_that_of_before(robot_file, filmed):
+    with serving() as server:
+        path = robot_file(address=server.address, options=_ports(server))
+        beside = path.with_suffix(".delay.json")
+        beside.write_text("{}")
+        with pytest.raises(SystemExit) as end:
+            main(["robot", "delay", str(path), "--yes"])
+    assert end.value.code != 0
+    assert not beside.exists()
+
+
+@pytest.mark.slow
 def test_without_a_task_the_files_workspace_counts_too(robot_file, filmed):
     with serving() as server:
         path = robot_file(address=server.address, options=_ports(server), workspace=BOX)

@@ -95,12 +95,12 @@ def delay(
     """Find how late a real robot's images and motions are: two joints swing for four seconds.
 
     The camera must see something static with texture. What was found is kept beside the robot file, and
-    used by run --on.
+    used by run --on. The newest counts: a robot that is refused leaves none.
     """
     with output.working("loading") as progress:
         from omniservo.runs.open_hardware import open_bare
         from omniservo.runs.robot_delay import measure_delay
-        from omniservo.runs.robot_records import save_delay
+        from omniservo.runs.robot_records import forget_delay, save_delay
         from omniservo.safety import SafetyOptions
 
         approval = Approval(progress, yes=yes)
@@ -109,6 +109,7 @@ def delay(
         options = SafetyOptions(image_age=1.0, time_offset=0.5)
         with closing(open_bare(loaded, approval, options, parts.driver)) as cell:
             progress("measuring how late images and motions are")
+            forget_delay(robot)
             found = measure_delay(cell, options)
     camera = found.camera
     lag = _spelled_time(found.actuation_lag, found.actuation_sigma)

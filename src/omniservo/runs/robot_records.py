@@ -46,6 +46,11 @@ def forget_check(path: Path) -> None:
     path.with_suffix(".check.json").unlink(missing_ok=True)
 
 
+def forget_delay(path: Path) -> None:
+    """Let what was measured of this file's robot count no more: it is measured anew, and may be refused."""
+    path.with_suffix(".delay.json").unlink(missing_ok=True)
+
+
 def require_check(path: Path, robot: RobotFile, driver: str | None = None) -> None:
     """Refuse a robot that was not checked as its files now stand, see `save_check`.
 
