@@ -163,7 +163,7 @@ def read_model(
             f"{path}: no known camera format; legal: omniservo.camera/1, OpenCV, Kalibr, CamOdoCal / VINS,"
             " Basalt, ROS, OCamCalib, py-OCamCalib, SVO, maplab, BoofCV, COLMAP, Mei (xi), ViSP, ORB-SLAM,"
             " stella_vslam, OKVIS, EuRoC, nerfstudio, Metashape, RealSense, DepthAI, WoodScape, mrcal. Write"
-            " any other as OpenCV has it:"
+            " others like OpenCV's:"
             ' {"K": [[fx, 0, cx], [0, fy, cy], [0, 0, 1]], "D": […], "image_size": [width, height]}'
         )
     if model is not None and reader not in (opencv, ost):

@@ -159,19 +159,7 @@ class Arm:
             seen: with the shapes that are only seen: meshes of many triangles, with which every compilation
                 takes several times as long.
         """
-        return (self._file.spec if seen else self._touched_spec).copy()
-
-    @cached_property
-    def _touched_spec(self) -> Any:
-        spec = self._file.spec.copy()
-        for geom in spec.geoms:
-            if not (geom.contype or geom.conaffinity):
-                spec.delete(geom)
-        touched = {geom.meshname for geom in spec.geoms}
-        for mesh in spec.meshes:
-            if mesh.name not in touched:
-                spec.delete(mesh)
-        return spec
+        return (self._file.spec if seen else self._file.touched_spec).copy()
 
     def base_T_flange(self, q: npt.ArrayLike) -> RigidTransform:
         """Return the flange's pose in the base frame for the joints ``q`` (n,) [rad].

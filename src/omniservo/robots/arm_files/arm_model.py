@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 from scipy.spatial.transform import RigidTransform
@@ -35,3 +36,16 @@ class ArmModel:
     """(n,) [rad/s²]"""
     notices: tuple[str, ...]
     """what of the file was left out, put in or assumed"""
+
+    @cached_property
+    def touched_spec(self) -> Any:
+        """The same without the shapes that are only seen."""
+        spec = self.spec.copy()
+        for geom in spec.geoms:
+            if not (geom.contype or geom.conaffinity):
+                spec.delete(geom)
+        touched = {geom.meshname for geom in spec.geoms}
+        for mesh in spec.meshes:
+            if mesh.name not in touched:
+                spec.delete(mesh)
+        return spec
