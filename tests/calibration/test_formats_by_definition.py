@@ -6,7 +6,7 @@ import struct
 
 import numpy as np
 import pytest
-from tests.calibration.format_samples import DEPTHAI, METASHAPE, NERF, REALSENSE
+from tests.calibration.format_samples import DEPTHAI, METASHAPE, NERF, RATIONAL, REALSENSE, mrcal
 
 from omniservo.camera_files import load_model
 from omniservo.cameras.models import Pinhole
@@ -186,3 +186,23 @@ def test_a_depthai_fisheye_with_more_than_four_numbers_is_refused_unless_the_res
         load_model(written(tmp_path, json.dumps(fields)), name="2")
     stated[4] = 0.0
     assert list(load_model(written(tmp_path, json.dumps(fields)), name="2").k) == stated[:4]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (
+            mrcal("LENSMODEL_CAHVOR", RATIONAL.distortion),
+            "lensmodel: 'LENSMODEL_CAHVOR' given; legal: 'LENSMODEL_",
+        ),
+        (mrcal("LENSMODEL_OPENCV8", (0.1, 0.2)), "a list of 12 numbers is needed"),
+        (mrcal("LENSMODEL_OPENCV4", (0.1, 0.2, 0.0, "x")), r"intrinsics: \[7\]"),
+        (mrcal("LENSMODEL_PINHOLE", ()).replace("'imagersize'", "'size'"), "imagersize: missing"),
+        (mrcal("LENSMODEL_PINHOLE", ()).replace("611.0", "nan"), r"intrinsics: \[0\]"),
+    ],
+)
+def test_a_camera_model_of_mrcal_that_is_not_read_is_refused_by_its_field(tmp_path, text, words):
+    path = tmp_path / "camera.cameramodel"
+    path.write_text(text)
+    with pytest.raises(InputError, match=words):
+        load_model(path)
