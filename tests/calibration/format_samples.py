@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import yaml
 
@@ -417,6 +418,11 @@ SAMPLES = {
         mrcal("LENSMODEL_OPENCV4", RADTAN.distortion).partition("\n")[2],
         {},
         RADTAN,
+    ),
+    "mrcal, OPENCV12": (
+        mrcal("LENSMODEL_OPENCV12", (*RATIONAL.distortion, 1e-3, -1e-3, 2e-3, 5e-4)),
+        {},
+        replace(RATIONAL, distortion=(*RATIONAL.distortion, 1e-3, -1e-3, 2e-3, 5e-4)),
     ),
     "mrcal, PINHOLE": (mrcal("LENSMODEL_PINHOLE", ()), {}, PLAIN),
     "EuRoC, radial-tangential": (euroc("radial-tangential", "611, 612", RADTAN.distortion), {}, RADTAN),

@@ -199,6 +199,7 @@ def test_a_depthai_fisheye_with_more_than_four_numbers_is_refused_unless_the_res
         (mrcal("LENSMODEL_OPENCV4", (0.1, 0.2, 0.0, "x")), r"intrinsics: \[7\]"),
         (mrcal("LENSMODEL_PINHOLE", ()).replace("'imagersize'", "'size'"), "imagersize: missing"),
         (mrcal("LENSMODEL_PINHOLE", ()).replace("611.0", "nan"), r"intrinsics: \[0\]"),
+        (mrcal("LENSMODEL_PINHOLE", ()).replace("612.0", "0.0"), r"intrinsics: \[1\]0 given"),
     ],
 )
 def test_a_camera_model_of_mrcal_that_is_not_read_is_refused_by_its_field(tmp_path, text, words):
