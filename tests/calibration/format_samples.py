@@ -419,6 +419,11 @@ SAMPLES = {
         {},
         RADTAN,
     ),
+    "mrcal, an older file": (
+        mrcal("LENSMODEL_OPENCV8", RATIONAL.distortion).replace("'lensmodel'", "'lens_model'"),
+        {},
+        RATIONAL,
+    ),
     "mrcal, OPENCV12": (
         mrcal("LENSMODEL_OPENCV12", (*RATIONAL.distortion, 1e-3, -1e-3, 2e-3, 5e-4)),
         {},

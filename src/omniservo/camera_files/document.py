@@ -34,10 +34,10 @@ _STREAM = re.compile(r'^ *Intrinsic of "([^"\n]+)" +(?:/ *)?(\d+x\d+)', flags=re
 
 _OST = re.compile(r"^\[image\]\s+width\s", flags=re.MULTILINE)
 
-_LENSMODEL = re.compile(r"^[ \t{]*'lensmodel'[ \t]*:", flags=re.MULTILINE)
+_LENSMODEL = re.compile(r"^[ \t{]*'lens_?model'[ \t]*:", flags=re.MULTILINE)
 
 _OF_LENS = re.compile(
-    r"^[ \t{]*'(lensmodel|intrinsics|imagersize)'\s*:\s*('[^']*'|\[[^\]]*\])", flags=re.MULTILINE
+    r"^[ \t{]*'(lens_?model|intrinsics|imagersize)'\s*:\s*('[^']*'|\[[^\]]*\])", flags=re.MULTILINE
 )
 
 _TABLE_ROW = re.compile(r"[-+.\d][^:{}\[\],]*")
@@ -129,10 +129,12 @@ def _ost_cameras(text: str) -> dict[str, dict[str, list[Any]]]:
 
 
 def _mrcal_lens(text: str) -> dict[str, Any]:
+    """Return the three fields; older files have lens_model for lensmodel."""
     fields: dict[str, Any] = {}
     for name, said in _OF_LENS.findall(text):
         words = said[1:-1].replace(",", " ").split()
-        fields[name] = [number_or_word(word) for word in words] if said.startswith("[") else said[1:-1]
+        values = [number_or_word(word) for word in words] if said.startswith("[") else said[1:-1]
+        fields[name.replace("_", "")] = values
     return fields
 
 
