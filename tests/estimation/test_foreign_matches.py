@@ -137,6 +137,16 @@ def test_an_error_of_the_camera_itself_is_not_taken_for_another_focal_length():
     assert off.magnitude() < 3.0 * math.sqrt(np.trace(found.covariance[3:, 3:]))
 
 
+def test_another_focal_length_is_named_where_the_camera_states_an_error_that_cannot_be_it():
+    """In a wide lens 0.1 px leave the focal length open by a few per cent, not by 20."""
+    stated = UnifiedCamera.from_dict({**GIVEN.to_dict(), "model_error": {"sigma_px": 0.1, "length_px": 64.0}})
+    rng = np.random.default_rng(31)
+    for _ in range(6):
+        found = estimate_two_view(stated, *pixels_through(longer_lens(1.2), rng), noise=NOISE)
+        assert found.status == "not_converged"
+        assert "focal length" in found.message
+
+
 def test_wrong_matches_at_random_are_not_alike_and_those_of_another_lens_are():
     rng = np.random.default_rng(34)
     initial, goal = pixels_through(GIVEN, rng)
